@@ -1,0 +1,57 @@
+"""Learn the inertia, potential energy, actuation and friction of a mechanism from its logs.
+
+The everyday names are offered here and imported when they are first used (PEP 562), so that
+`import symoden` and `symoden --help` load no JAX. Type checkers read `__init__.pyi`.
+
+Example:
+    >>> import symoden
+    >>> "Pendulum" in dir(symoden)
+    True
+"""
+
+import importlib
+from typing import Final
+
+_EXPORTS: Final[dict[str, str]] = {
+    "Acrobot": "symoden.systems",
+    "CartPole": "symoden.systems",
+    "Dataset": "symoden.data",
+    "ModelConfig": "symoden.models",
+    "Pendulum": "symoden.systems",
+    "Space": "symoden.spaces",
+    "TrainingConfig": "symoden.training",
+    "Trajectory": "symoden.data",
+    "build": "symoden.models",
+    "fit": "symoden.training",
+    "load": "symoden.models",
+    "read_dataset": "symoden.data",
+    "rollout": "symoden.integrate",
+    "save": "symoden.models",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import an everyday name, or read the version, at its first use.
+
+    Args:
+        name: Attribute that the module does not have yet.
+
+    Returns:
+        The object that the name stands for; it is kept, so that the next use is a plain look-up.
+
+    Raises:
+        AttributeError: If `symoden` offers no such name.
+    """
+    if name == "__version__":
+        value: object = importlib.import_module("importlib.metadata").version("symoden")
+    elif name in _EXPORTS:
+        value = getattr(importlib.import_module(_EXPORTS[name]), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """All names, imported already or not."""
+    return sorted({*globals(), *_EXPORTS, "__version__"})
