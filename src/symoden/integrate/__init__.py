@@ -1,0 +1,13 @@
+"""Integrate: solvers, and rollouts under sampled inputs."""
+
+from ._rollout import (
+    HOLDS as HOLDS,
+    Hold as Hold,
+    Rollout as Rollout,
+    linear_hold as linear_hold,
+    rollout as rollout,
+    zero_hold as zero_hold,
+)
+from ._solvers import RK4 as RK4, AbstractSolver as AbstractSolver, DiffraxSolver as DiffraxSolver
+
+__all__ = ["HOLDS", "RK4", "AbstractSolver", "DiffraxSolver", "Hold", "Rollout", "linear_hold", "rollout", "zero_hold"]

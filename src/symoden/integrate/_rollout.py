@@ -1,0 +1,103 @@
+"""Simulate any dynamics forward under sampled inputs."""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..mechanics import AbstractDynamics
+from ..shapes import Coordinates, Rates, Times
+from ._solvers import RK4, AbstractSolver
+
+SampledInputs: TypeAlias = Float[Array, "T m"]
+Ends: TypeAlias = tuple[Float[Array, "T-1 m"], Float[Array, "T-1 m"]]
+Hold: TypeAlias = Callable[[SampledInputs], Ends]
+
+
+def zero_hold(us: SampledInputs) -> Ends:
+    """Hold each input until the next sample, as digital controllers do.
+
+    Args:
+        us: Inputs at the samples; the last one never acts.
+
+    Returns:
+        Inputs at the start and at the end of every sampling interval.
+    """
+    return us[:-1], us[:-1]
+
+
+def linear_hold(us: SampledInputs) -> Ends:
+    """Join the samples of the input by straight lines, as for a measured smooth force.
+
+    Args:
+        us: Inputs at the samples.
+
+    Returns:
+        Inputs at the start and at the end of every sampling interval.
+    """
+    return us[:-1], us[1:]
+
+
+HOLDS: dict[str, Hold] = {"zero": zero_hold, "linear": linear_hold}
+
+
+class Rollout(NamedTuple):
+    """A simulated trajectory; from the sample on where it diverges, it holds NaN or infinities.
+
+    Attributes:
+        states: States of the dynamics at the samples.
+        q: Coordinates.
+        rates: Velocities or momenta, as the data have them.
+        observations: Embedded coordinates, then the rates.
+    """
+
+    states: Float[Array, "T s"]
+    q: Float[Array, "T n"]
+    rates: Float[Array, "T n"]
+    observations: Float[Array, "T o"]
+
+
+def rollout(
+    dynamics: AbstractDynamics,
+    q0: Coordinates,
+    rates0: Rates,
+    ts: Times,
+    us: SampledInputs,
+    *,
+    solver: AbstractSolver | None = None,
+    hold: Hold = zero_hold,
+) -> Rollout:
+    """Simulate from a measured configuration and its rates.
+
+    Args:
+        dynamics: Analytic system or learned model.
+        q0: Coordinates at the first sample.
+        rates0: Velocities or momenta there, as `dynamics.momenta` says.
+        ts: Times of the samples [s], increasing; the intervals may differ.
+        us: Inputs at the samples.
+        solver: What advances the state from sample to sample; one RK4 step if absent.
+        hold: How an input acts between samples: `zero_hold` or `linear_hold`.
+
+    Returns:
+        The trajectory at the samples, the first one included.
+
+    Example:
+        >>> from symoden.systems import Pendulum
+        >>> ts = jnp.linspace(0.0, 1.0, 21)
+        >>> path = rollout(Pendulum(), jnp.array([0.1]), jnp.zeros(1), ts, jnp.zeros((21, 1)))
+        >>> path.q.shape
+        (21, 1)
+    """
+    advance = RK4() if solver is None else solver
+
+    def step(state: Float[Array, " s"], sample: tuple) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
+        after = advance.step(dynamics.derivative, state, *sample)
+        return after, after
+
+    start = dynamics.encode(q0, rates0)
+    _, later = jax.lax.scan(step, start, (ts[:-1], ts[1:], *hold(us)))
+    states = jnp.concatenate([start[None], later])
+    q, rates = jax.vmap(dynamics.decode)(states)
+    return Rollout(states=states, q=q, rates=rates, observations=jax.vmap(dynamics.observe)(states))

@@ -1,0 +1,110 @@
+"""Solvers that advance a state over one sampling interval under an input that is linear in time there."""
+
+import abc
+from collections.abc import Callable
+from typing import TypeAlias, final
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree
+
+from ..shapes import Inputs, Scalar
+
+Field: TypeAlias = Callable[[Scalar, PyTree, Inputs], PyTree]
+
+
+class AbstractSolver(eqx.Module):
+    """Advances a state, any PyTree of arrays, from one sample to the next."""
+
+    @abc.abstractmethod
+    def step(self, field: Field, state: PyTree, t0: Scalar, t1: Scalar, u0: Inputs, u1: Inputs) -> PyTree:
+        """State at `t1`, from the one at `t0`, with the input going linearly from `u0` to `u1`."""
+
+
+@final
+class RK4(AbstractSolver):
+    """The classical Runge-Kutta method of order four with a fixed number of steps in each sampling interval.
+
+    Attributes:
+        substeps: Number of steps; more of them where friction is stiff.
+    """
+
+    substeps: int = eqx.field(static=True, default=1)
+
+    def __check_init__(self) -> None:
+        """Refuse an interval without steps.
+
+        Raises:
+            ValueError: If `substeps` is below 1.
+        """
+        if self.substeps < 1:
+            raise ValueError(f"`substeps` must be at least 1; got {self.substeps}.")
+
+    def step(self, field: Field, state: PyTree, t0: Scalar, t1: Scalar, u0: Inputs, u1: Inputs) -> PyTree:
+        """State at `t1`."""
+        h = (t1 - t0) / self.substeps
+
+        def add(x: PyTree, k: PyTree, factor: Scalar) -> PyTree:
+            return jax.tree.map(lambda a, b: a + factor * b, x, k)
+
+        def one(x: PyTree, start: Scalar) -> PyTree:
+            def slope(x: PyTree, offset: Scalar | float) -> PyTree:
+                share = (start + offset) / self.substeps
+                return field(t0 + (start + offset) * h, x, u0 + share * (u1 - u0))
+
+            k1 = slope(x, 0.0)
+            k2 = slope(add(x, k1, h / 2), 0.5)
+            k3 = slope(add(x, k2, h / 2), 0.5)
+            k4 = slope(add(x, k3, h), 1.0)
+            return jax.tree.map(lambda x, a, b, c, d: x + h / 6 * (a + 2 * b + 2 * c + d), x, k1, k2, k3, k4)
+
+        if self.substeps == 1:
+            return one(state, jnp.zeros_like(t0))
+        starts = jnp.arange(self.substeps, dtype=t0.dtype)
+        return jax.lax.scan(lambda x, start: (one(x, start), None), state, starts)[0]
+
+
+@final
+class DiffraxSolver(AbstractSolver):
+    """Any solver of Diffrax, with step sizes controlled by its error estimate; implicit ones too.
+
+    The solver starts anew at every sample, so that a held input's jumps fall between its steps. Where it gives up
+    (diverging state, too many steps), the state becomes NaN and stays so: a rollout always ends.
+
+    Attributes:
+        solver: Such as `diffrax.Tsit5()` or `diffrax.Kvaerno5()`.
+        rtol: Relative tolerance.
+        atol: Absolute tolerance.
+        max_steps: Bound on the steps in one sampling interval.
+
+    References:
+        Kidger (2021), *On Neural Differential Equations*; Diffrax.
+    """
+
+    solver: diffrax.AbstractAdaptiveSolver
+    rtol: float = eqx.field(static=True, default=1e-6)
+    atol: float = eqx.field(static=True, default=1e-8)
+    max_steps: int = eqx.field(static=True, default=256)
+
+    def step(self, field: Field, state: PyTree, t0: Scalar, t1: Scalar, u0: Inputs, u1: Inputs) -> PyTree:
+        """State at `t1`, NaN where the solver gave up."""
+
+        def driven(t: Scalar, x: PyTree, args: None) -> PyTree:
+            del args
+            return field(t, x, u0 + (t - t0) / (t1 - t0) * (u1 - u0))
+
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(driven),
+            self.solver,
+            t0,
+            t1,
+            dt0=t1 - t0,
+            y0=state,
+            stepsize_controller=diffrax.PIDController(rtol=self.rtol, atol=self.atol),
+            max_steps=self.max_steps,
+            throw=False,
+        )
+        done = solution.result == diffrax.RESULTS.successful
+        return jax.tree.map(lambda y: jnp.where(done, y[-1], jnp.nan), solution.ys)

@@ -1,0 +1,294 @@
+"""Build one of the five models from its settings."""
+
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import PRNGKeyArray
+
+from ..blocks import (
+    AbstractBlock,
+    AbstractFriction,
+    AbstractFunction,
+    CholeskyBlock,
+    Constant,
+    Correction,
+    JointFriction,
+    Known,
+    KnownValue,
+    MatrixBlock,
+    Network,
+    NoFriction,
+    Perceptron,
+    ScalarBlock,
+    Sum,
+    ViscousFriction,
+    identity_triangle,
+)
+from ..mechanics import AbstractDynamics
+from ..spaces import Space
+from ._baselines import GeometricModel, NaiveModel
+from ._scales import Scales
+from ._structured import StructuredModel
+from ._unstructured import UnstructuredModel
+
+Kind = Literal["dissipative", "unstructured", "symoden", "naive", "geometric"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlockConfig:
+    """How a block's coefficients depend on the configuration.
+
+    Attributes:
+        hidden: Widths of the hidden layers; none for a plain constant.
+        constant: Start from a learned constant. With `hidden`, the network is then a correction that starts at zero
+            and stays frozen until validation data ask for it.
+    """
+
+    hidden: tuple[int, ...] = ()
+    constant: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a block without parameters, and empty layers.
+
+        Raises:
+            ValueError: If there is neither a constant nor a network, or a width is below 1.
+        """
+        if not self.hidden and not self.constant:
+            raise ValueError("A block needs `hidden` layers or `constant=True`; got neither.")
+        if any(width < 1 for width in self.hidden):
+            raise ValueError(f"Every width in `hidden` must be at least 1; got {self.hidden}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelConfig:
+    """Settings of a model; the defaults were chosen on the four tasks and the arm (see `benchmarks/`).
+
+    Attributes:
+        kind: Which of the five models.
+        inverse_mass: Block of M⁻¹.
+        potential: Block of V.
+        actuation: Block of g, unless it is given.
+        friction: Block of D, or of its viscous part.
+        energy: Hidden layers of the unstructured model's network.
+        flow: Hidden layers of the baselines' network.
+        full_friction: Use the paper's 2n × 2n D instead of friction on momenta.
+        knees: Speeds, relative to the typical one, below which dry friction is smoothed; none for viscous friction.
+        activation: Nonlinearity of every network.
+        floor: Lower bound ε of the eigenvalues of the scaled M⁻¹.
+        scaled: Let networks read and write natural units of the data; the paper's do not.
+    """
+
+    kind: Kind = "dissipative"
+    inverse_mass: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(24, 24)))
+    potential: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(24, 24)))
+    actuation: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(8,), constant=True))
+    friction: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(8,), constant=True))
+    energy: tuple[int, ...] = (32, 32)
+    flow: tuple[int, ...] = (48, 48)
+    full_friction: bool = False
+    knees: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0)
+    activation: str = "silu"
+    floor: float = 0.01
+    scaled: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse an unknown kind and contradictory friction.
+
+        Raises:
+            ValueError: If `kind` is no model, or dry friction is asked for on the full state.
+        """
+        if self.kind not in KINDS:
+            raise ValueError(f"`kind` must be one of {', '.join(KINDS)}; got {self.kind!r}.")
+        if self.full_friction and self.knees:
+            raise ValueError("Friction on the full state is viscous; got `knees`. Set `knees=()`.")
+
+
+def build(
+    config: ModelConfig,
+    space: Space,
+    inputs: int,
+    *,
+    momenta: bool = False,
+    scales: Scales | None = None,
+    input_matrix: np.ndarray | None = None,
+    key: PRNGKeyArray,
+) -> AbstractDynamics:
+    """Make an untrained model.
+
+    Args:
+        config: Settings.
+        space: Configuration space, of n coordinates.
+        inputs: Number of inputs m; may be 0.
+        momenta: Whether the rates in the data are momenta rather than velocities.
+        scales: Natural units; ones if absent.
+        input_matrix: The n × m matrix g where it is known; it fixes the scale of the energy.
+        key: Source of the weights.
+
+    Returns:
+        The model, a PyTree.
+
+    Raises:
+        ValueError: If `input_matrix` is not n × m.
+
+    Example:
+        >>> model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
+        >>> model.input_matrix(jnp.zeros(1)).shape
+        (1, 1)
+    """
+    if input_matrix is not None and np.shape(input_matrix) != (space.size, inputs):
+        raise ValueError(
+            f"`input_matrix` must be coordinates × inputs, {space.size} × {inputs}; got {np.shape(input_matrix)}."
+        )
+    maker = _Maker(config, space, inputs, momenta, scales or Scales.units(space, inputs), input_matrix)
+    mass_key, energy_key, actuation_key, friction_key = jax.random.split(key, 4)
+    common = {"space": space, "inputs": inputs, "momenta": momenta}
+    match config.kind:
+        case "naive":
+            return NaiveModel(**common, flow=maker.naive_flow(energy_key), scale=maker.naive_scale())
+        case "geometric":
+            return GeometricModel(
+                **common,
+                flow=maker.flow(energy_key),
+                scale=_known(np.concatenate([maker.scales.velocity, maker.scales.force])),
+                inverse_mass=maker.inverse_mass(mass_key),
+            )
+        case "unstructured":
+            return UnstructuredModel(
+                **common,
+                energy=maker.energy(energy_key),
+                energy_scale=_known(maker.scales.energy),
+                inverse_mass=None if momenta else maker.inverse_mass(mass_key),
+                actuation=maker.actuation(actuation_key),
+                friction=maker.friction(friction_key),
+            )
+        case "dissipative" | "symoden":
+            return StructuredModel(
+                **common,
+                inverse_mass=maker.inverse_mass(mass_key),
+                potential=maker.potential(energy_key),
+                actuation=maker.actuation(actuation_key),
+                friction=NoFriction() if config.kind == "symoden" else maker.friction(friction_key),
+            )
+
+
+def _known(values: np.ndarray | float) -> Known:
+    """Constant in the default precision."""
+    return Known(jnp.asarray(values, float))
+
+
+@dataclass(frozen=True)
+class _Maker:
+    """Makes the blocks of one model."""
+
+    config: ModelConfig
+    space: Space
+    inputs: int
+    momenta: bool
+    scales: Scales
+    input_matrix: np.ndarray | None
+
+    def inverse_mass(self, key: PRNGKeyArray) -> CholeskyBlock:
+        """M⁻¹, near the identity in natural units at the start unless the data's units are used."""
+        n = self.space.size
+        base = identity_triangle(n) if self.config.scaled else None
+        return CholeskyBlock(
+            function=self._function(self.config.inverse_mass, n * (n + 1) // 2, base=base, key=key),
+            scale=_known(np.sqrt(self.scales.velocity / self.scales.momentum)),
+            floor=self.config.floor,
+        )
+
+    def potential(self, key: PRNGKeyArray) -> ScalarBlock:
+        """V."""
+        return ScalarBlock(function=self._function(self.config.potential, 1, key=key), scale=_known(self.scales.energy))
+
+    def actuation(self, key: PRNGKeyArray) -> AbstractBlock:
+        """The g that was given, or a learned one."""
+        if self.input_matrix is not None:
+            return KnownValue(_known(np.asarray(self.input_matrix)))
+        return MatrixBlock(
+            function=self._function(self.config.actuation, self.space.size * self.inputs, base=0.1, key=key),
+            scale=_known(np.outer(self.scales.force, 1 / self.scales.input)),
+        )
+
+    def friction(self, key: PRNGKeyArray) -> AbstractFriction:
+        """D on the momenta, viscous or with every joint's own law, or the paper's D on the full state."""
+        n, s = self.space.size, self.scales
+        size = 2 * n if self.config.full_friction else n
+        base = 0.3 * identity_triangle(size)
+        # On the full state, D takes (∂H/∂q, ∂H/∂p) = (force, velocity) to (velocity, force).
+        unit = np.sqrt(np.concatenate([s.velocity / s.force, s.force / s.velocity])[-size:])
+        viscous = CholeskyBlock(
+            function=self._function(self.config.friction, size * (size + 1) // 2, base=base, key=key),
+            scale=_known(unit),
+        )
+        if not self.config.knees:
+            return ViscousFriction(viscous)
+        laws = JointFriction.laws(self.config.knees)
+        return JointFriction(
+            viscous=viscous,
+            coefficients=jnp.full((n, laws), 0.1, float),
+            scale=_known(unit),
+            speed=_known(s.velocity),
+            knees=self.config.knees,
+        )
+
+    def energy(self, key: PRNGKeyArray) -> Perceptron:
+        """H as a network of (embedded q, p)."""
+        center, scale = self._standard(self.scales.momentum)
+        return self._perceptron((len(center), *self.config.energy, 1), center, scale, key=key)
+
+    def flow(self, key: PRNGKeyArray) -> Perceptron:
+        """(q̇, ṗ) as a network of (embedded q, p, u)."""
+        center, scale = self._standard(self.scales.momentum, self.scales.input)
+        return self._perceptron((len(center), *self.config.flow, 2 * self.space.size), center, scale, key=key)
+
+    def naive_flow(self, key: PRNGKeyArray) -> Perceptron:
+        """Derivative of the observation as a network of the observation and u."""
+        outputs = len(self.naive_scale().array)
+        center, scale = self._standard(self._rates(), self.scales.input)
+        return self._perceptron((len(center), *self.config.flow, outputs), center, scale, key=key)
+
+    def naive_scale(self) -> Known:
+        """Units of the derivative of the observation; those of (ṙ, d cos φ, d sin φ) follow from the velocities."""
+        velocity = self.scales.velocity
+        lengths, angles = velocity[self.space.lengths], velocity[self.space.angles]
+        return _known(np.concatenate([lengths, angles, angles, self._rates() / self.scales.time]))
+
+    def _rates(self) -> np.ndarray:
+        """Units of the data's rates."""
+        return self.scales.momentum if self.momenta else self.scales.velocity
+
+    def _standard(self, *others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Centre and scale of a network's input: the embedded coordinates, then the others."""
+        spread = np.concatenate([self.scales.spread, *others])
+        return np.concatenate([self.scales.center, np.zeros(len(spread) - len(self.scales.center))]), spread
+
+    def _perceptron(self, sizes: tuple[int, ...], center: np.ndarray, scale: np.ndarray, *, key: PRNGKeyArray) -> Perceptron:
+        network = Perceptron.init(sizes, activation=self.config.activation, key=key)
+        return Perceptron(network.weights, network.biases, _known(center), _known(scale), network.activation)
+
+    def _function(
+        self, config: BlockConfig, size: int, *, base: np.ndarray | float | None = None, key: PRNGKeyArray
+    ) -> AbstractFunction:
+        """Coefficients of a block; a `base` is what a constant starts from."""
+        constant = Constant(jnp.broadcast_to(jnp.asarray(0.0 if base is None else base, float), (size,)))
+        if not config.hidden:
+            return constant
+        center, scale = self._standard()
+        perceptron = self._perceptron((len(center), *config.hidden, size), center, scale, key=key)
+        if config.constant:
+            silent = Perceptron(
+                weights=(*perceptron.weights[:-1], jnp.zeros_like(perceptron.weights[-1])),
+                biases=perceptron.biases,
+                center=perceptron.center,
+                scale=perceptron.scale,
+                activation=perceptron.activation,
+            )
+            return Sum((constant, Correction(Network(self.space, silent))))
+        if base is not None and self.config.scaled:
+            return Sum((constant, Network(self.space, perceptron)))
+        return Network(self.space, perceptron)
