@@ -1,0 +1,63 @@
+# What the continuous integration runs, by name. `make test` is all of it but the built wheel (see .ci/run).
+VENV := .venv
+BIN := $(VENV)/bin
+PYTHON ?= $(shell python3.11 -c 'print("python3.11")' 2>/dev/null || echo python3)
+CODE := $(wildcard src tests examples benchmarks)
+# Two processes, whole files: tests of one file share their compiled functions.
+PYTEST_ARGS ?= -n 2 --dist loadfile
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test lint format fast-test slow-test coverage lock clean
+
+help: ## List the targets
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
+
+setup: $(VENV)/.complete ## Make .venv with everything of requirements.lock and this package, editable
+
+# The stamp is written last, so that an interrupted set-up starts again.
+$(VENV)/.complete: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+	  || { echo 'Python must be 3.11 or newer; name one: make setup PYTHON=python3.12' >&2; exit 1; }
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --requirement requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch $@
+
+demo: setup ## Train a cart-pole, compare its errors with the paper's, draw the result
+	$(BIN)/python examples/demo.py
+
+test: lint ## Everything that must hold before a commit: lint, then the tests
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+lint: setup ## Style, format, types, import layers, spelling
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright --pythonpath $(BIN)/python $(CODE)
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/codespell
+
+format: setup ## Format the code and mend what can be mended automatically
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+fast-test: setup ## The tests alone; stop at the first failure, those that failed last go first
+	$(BIN)/python -m pytest $(PYTEST_ARGS) -x --failed-first
+
+slow-test: setup ## Only the tests that train for long
+	$(BIN)/python -m pytest -m slow
+
+coverage: setup ## Branch coverage of the fast tests, 95 % at least
+	$(BIN)/python -m pytest $(PYTEST_ARGS) --cov --cov-fail-under=95
+
+# Newest releases, without addresses: the package itself and pip are left out.
+lock: ## Pin anew what setup installs (in a throw-away environment)
+	@scratch=$$(mktemp -d) && trap 'rm -rf "$$scratch"' EXIT \
+	  && $(PYTHON) -m venv "$$scratch" \
+	  && "$$scratch/bin/python" -m pip install --quiet '.[gym,plot,data,dev]' \
+	  && "$$scratch/bin/python" -m pip freeze --exclude symoden > "$$scratch/pins" \
+	  && { grep '^#' requirements.lock; cat "$$scratch/pins"; } > "$$scratch/lock" \
+	  && cp "$$scratch/lock" requirements.lock
+
+clean: ## Remove the environment, caches and build outputs (never runs/)
+	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache .coverage .coverage.* htmlcov
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
