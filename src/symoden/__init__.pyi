@@ -6,3 +6,4 @@ from symoden.systems import Acrobot as Acrobot, CartPole as CartPole, Pendulum a
 from symoden.training import TrainingConfig as TrainingConfig, fit as fit
 
 __version__: str
+_EXPORTS: dict[str, str]
