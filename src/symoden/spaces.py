@@ -1,7 +1,7 @@
 """Configuration spaces Rⁿ × Tᵐ with coordinates in any order."""
 
 import re
-from typing import Self, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ import numpy as np
 
 from .shapes import Coordinates, Embedding
 
-_FACTOR = re.compile(r"([RT])(\d+)")
+_FACTOR = re.compile(r"([RT])([1-9][0-9]?)")
 _LARGEST = 64
 
 
@@ -41,7 +41,7 @@ class Space(eqx.Module):
             raise ValueError(f"A space must have 1 to {_LARGEST} coordinates; got {len(self.is_angle)}.")
 
     @classmethod
-    def parse(cls, text: str) -> Self:
+    def parse(cls, text: str) -> "Space":
         """Read a space from its name: factors `R<n>` and `T<m>` in the order of the coordinates.
 
         Args:
@@ -60,7 +60,7 @@ class Space(eqx.Module):
         factors = [_FACTOR.fullmatch(word) for word in text.split()]
         matches = [match for match in factors if match is not None]
         sizes = [int(match[2]) for match in matches]
-        if not factors or len(matches) < len(factors) or min(sizes) < 1 or sum(sizes) > _LARGEST:
+        if not factors or len(matches) < len(factors) or sum(sizes) > _LARGEST:
             raise ValueError(
                 f"A space must be factors R<n> and T<m> with n, m ≥ 1, in the order of the coordinates; got {text!r}. "
                 'Write for example "R1", "T2", "R1 T1" (a length, then an angle).'
