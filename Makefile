@@ -2,7 +2,7 @@
 VENV := .venv
 BIN := $(VENV)/bin
 PYTHON ?= $(shell python3.11 -c 'print("python3.11")' 2>/dev/null || echo python3)
-CODE := $(wildcard src tests examples benchmarks)
+CODE := $(wildcard conftest.py src tests examples benchmarks)
 # Two processes, whole files: tests of one file share their compiled functions.
 PYTEST_ARGS ?= -n 2 --dist loadfile
 

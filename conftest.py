@@ -1,4 +1,7 @@
-"""Settings of JAX and hypothesis under which every test runs, and where recorded data lie."""
+"""Settings of JAX and hypothesis under which every test runs, and where recorded data lie.
+
+It is here rather than in `tests/`, so that the examples in docstrings under `src/` run under the same settings.
+"""
 
 import os
 from pathlib import Path
@@ -7,7 +10,7 @@ import hypothesis
 import jax
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parent
 
 
 def _compilation_cache() -> Path | None:
