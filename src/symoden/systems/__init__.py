@@ -1,0 +1,8 @@
+"""Analytic mechanisms in SI units, as port-Hamiltonian systems: the truth that models are measured against."""
+
+from ._acrobot import Acrobot as Acrobot
+from ._cart_pole import CartPole as CartPole
+from ._link_chain import LinkChain as LinkChain
+from ._pendulum import Pendulum as Pendulum
+
+__all__ = ["Acrobot", "CartPole", "LinkChain", "Pendulum"]
