@@ -1,0 +1,17 @@
+"""Recorded motion: trajectories, data sets of trajectories of any length, windows, and reading them from files."""
+
+from ._dataset import Dataset as Dataset
+from ._errors import DataError as DataError
+from ._split import segments as segments, split_validation as split_validation
+from ._trajectory import Trajectory as Trajectory
+from ._windows import Windows as Windows, windows as windows
+
+__all__ = [
+    "DataError",
+    "Dataset",
+    "Trajectory",
+    "Windows",
+    "segments",
+    "split_validation",
+    "windows",
+]

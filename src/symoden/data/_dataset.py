@@ -1,0 +1,130 @@
+"""Recordings of one mechanism, with what is known of their meaning."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ._errors import DataError
+from ._trajectory import Trajectory, finite_numbers
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Dataset:
+    """Recordings of one mechanism in three parts that have nothing in common, and what their numbers mean.
+
+    Attributes:
+        name: Name in results.
+        space: Configuration space, one factor per coordinate in the order of the columns of `q`: "R1", "T2", "R1 T1".
+        train: Recordings to learn from.
+        test: Recordings for the final score only.
+        validation: Recordings for every choice made during training; `split_validation` makes them from `train`.
+        momenta: Whether `rates` are momenta rather than velocities.
+        hold: What an input is between samples: constant ("zero") or a straight line ("linear").
+        input_matrix: Known g (n × m), which fixes the scale of inertia, energy and friction; absent if unknown.
+        position_names: Names of the columns of `q`.
+        input_names: Names of the columns of `us`.
+
+    Example:
+        >>> import numpy as np
+        >>> ts = np.linspace(0.0, 1.0, 11)
+        >>> swing = Trajectory(name="swing", ts=ts, q=ts[:, None], rates=np.ones((11, 1)), us=np.zeros((11, 0)))
+        >>> dataset = Dataset(name="pendulum", space="T1", train=(swing,))
+        >>> dataset.size, dataset.inputs
+        (1, 0)
+    """
+
+    name: str
+    space: str
+    train: tuple[Trajectory, ...]
+    test: tuple[Trajectory, ...] = ()
+    validation: tuple[Trajectory, ...] = ()
+    momenta: bool = False
+    hold: Literal["zero", "linear"] = "zero"
+    input_matrix: np.ndarray | None = None
+    position_names: tuple[str, ...] = ()
+    input_names: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Complete the names, and refuse parts that do not belong together.
+
+        Raises:
+            DataError: If there is no recording, sizes differ, or a part is repeated in another one.
+        """
+        if not self.recordings:
+            raise DataError(f"`{self.name}`: a data set must have at least one recording; got none.")
+        _refuse_mixed_sizes(self.name, self.recordings)
+        _refuse_other_space(self.name, self.space, self.size)
+        _refuse_shared_recordings(self)
+        if self.hold not in ("zero", "linear"):
+            raise DataError(f'`{self.name}`: `hold` must be "zero" or "linear"; got {self.hold!r}.')
+        if self.input_matrix is not None:
+            matrix = finite_numbers(self.input_matrix, f"`{self.name}`: `input_matrix`", axes=2)
+            if matrix.shape != (self.size, self.inputs):
+                raise DataError(
+                    f"`{self.name}`: `input_matrix` must be {self.size} × {self.inputs} (coordinates × inputs); "
+                    f"got {matrix.shape[0]} × {matrix.shape[1]}."
+                )
+            object.__setattr__(self, "input_matrix", matrix)
+        for field, letter, count in (("position_names", "q", self.size), ("input_names", "u", self.inputs)):
+            names = getattr(self, field) or tuple(f"{letter}{i + 1}" for i in range(count))
+            if len(names) != count:
+                raise DataError(f"`{self.name}`: `{field}` must be {count} names; got {len(names)}: {names}.")
+            object.__setattr__(self, field, names)
+
+    @property
+    def recordings(self) -> tuple[Trajectory, ...]:
+        """All recordings: train, test, validation."""
+        return self.train + self.test + self.validation
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates n."""
+        return self.recordings[0].q.shape[1]
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs m."""
+        return self.recordings[0].us.shape[1]
+
+
+def _refuse_mixed_sizes(name: str, recordings: tuple[Trajectory, ...]) -> None:
+    """Refuse recordings that differ in their number of coordinates or inputs."""
+    first = recordings[0]
+    for other in recordings[1:]:
+        if other.q.shape[1] != first.q.shape[1] or other.us.shape[1] != first.us.shape[1]:
+            raise DataError(
+                f"`{name}`: all recordings must have the same coordinates and inputs; `{first.name}` has "
+                f"{first.q.shape[1]} and {first.us.shape[1]}, `{other.name}` has {other.q.shape[1]} and "
+                f"{other.us.shape[1]}."
+            )
+
+
+def _refuse_other_space(name: str, space: str, size: int) -> None:
+    """Refuse a space that is misspelt or has another number of coordinates than the recordings."""
+    from symoden.spaces import Space
+
+    try:
+        known = Space.parse(space).size
+    except ValueError as error:
+        raise DataError(f"`{name}`: {error}") from error
+    if known != size:
+        raise DataError(
+            f"`{name}`: the space `{space}` has {known} coordinate{'s' if known > 1 else ''}, the recordings have "
+            f"{size}. Give one factor per position column, in their order."
+        )
+
+
+def _refuse_shared_recordings(dataset: Dataset) -> None:
+    """Refuse a recording that is in two parts: a test on what was learned from tells nothing."""
+    parts = {"train": dataset.train, "test": dataset.test, "validation": dataset.validation}
+    seen: dict[tuple[bytes, ...], tuple[str, str]] = {}
+    for part, recordings in parts.items():
+        for recording in recordings:
+            contents = tuple(array.tobytes() for array in (recording.ts, recording.q, recording.rates, recording.us))
+            other, name = seen.setdefault(contents, (part, recording.name))
+            if other != part:
+                raise DataError(
+                    f"`{dataset.name}`: `{recording.name}` of `{part}` must not be a recording of `{other}`; it equals "
+                    f"`{name}` number by number. Leave it out of one of the two."
+                )

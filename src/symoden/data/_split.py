@@ -1,0 +1,100 @@
+"""Splitting recordings: into segments, and into what is learned from and what is chosen by."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+
+from ._dataset import Dataset
+from ._errors import DataError
+from ._trajectory import Trajectory
+
+_MANY = 10  # From so many groups on, whole groups are held out rather than the ends of recordings.
+
+
+def segments(trajectory: Trajectory, seconds: float) -> tuple[Trajectory, ...]:
+    """Split a recording into consecutive segments of equal duration, without losing a sample.
+
+    The number of segments is the duration over `seconds`, rounded; the last one takes what remains.
+
+    Args:
+        trajectory: The recording.
+        seconds: Duration of a segment [s].
+
+    Returns:
+        The segments, named `name#1`, `name#2`, …; the recording itself if there is only one.
+
+    Raises:
+        DataError: If the segments are too short to be recordings.
+    """
+    elapsed = trajectory.ts - trajectory.ts[0]
+    step = float(np.median(np.diff(trajectory.ts)))
+    count = max(1, round((trajectory.duration + step) / seconds))
+    if count == 1:
+        return (trajectory,)
+    if count * (trajectory.initial_samples + 1) > len(trajectory):
+        raise DataError(
+            f"`{trajectory.name}`: `split_every` must leave at least {trajectory.initial_samples + 1} samples in every "
+            f"segment; got {seconds} s for samples {step:.6g} s apart. Split into longer segments."
+        )
+    inner = np.searchsorted(elapsed, seconds * np.arange(1, count) - step / 2)
+    edges = [0, *(int(edge) for edge in inner), len(trajectory)]
+    return tuple(
+        trajectory.cut(start, stop, name=f"{trajectory.name}#{k}")
+        for k, (start, stop) in enumerate(itertools.pairwise(edges), start=1)
+    )
+
+
+def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: int = 2) -> Dataset:
+    """Hold recordings out of `train` for validation, the same ones every time.
+
+    Where there are many, whole trajectories are held out, evenly spread over the data set; those with the same first
+    state (one initial condition under several inputs) stay together, since they resemble each other. Of fewer than 10
+    such groups each recording gives its end.
+
+    Args:
+        dataset: Data set; one that has validation recordings is returned as it is.
+        fraction: Share of the data to hold out.
+        min_samples: Least length of a part cut off a recording, for example a window's; recordings too short for it
+            stay whole.
+
+    Returns:
+        The data set with `train` and `validation` disjoint.
+
+    Raises:
+        ValueError: If `fraction` is not between 0 and 1.
+        DataError: If there is nothing to hold out.
+    """
+    if not 0 < fraction < 1:
+        raise ValueError(f"`fraction` must be between 0 and 1; got {fraction}.")
+    if dataset.validation:
+        return dataset
+    groups: dict[tuple[bytes, bytes], list[Trajectory]] = {}
+    for trajectory in dataset.train:
+        groups.setdefault((trajectory.q[0].tobytes(), trajectory.rates[0].tobytes()), []).append(trajectory)
+    if len(groups) >= _MANY:
+        count = max(1, round(fraction * len(groups)))
+        held = {int((k + 0.5) * len(groups) / count) for k in range(count)}
+        parts = [([], group) if k in held else (group, []) for k, group in enumerate(groups.values())]
+    else:
+        parts = [_without_tail(trajectory, fraction, min_samples) for trajectory in dataset.train]
+    train = tuple(trajectory for kept, _ in parts for trajectory in kept)
+    validation = tuple(trajectory for _, held in parts for trajectory in held)
+    if not train or not validation:
+        raise DataError(
+            f"`{dataset.name}`: validation needs recordings in `train` that are long enough to hold out {fraction:.0%} "
+            f"of them, or many; got {len(dataset.train)}. Give `[validation]` files in the description."
+        )
+    return dataclasses.replace(dataset, train=train, validation=validation)
+
+
+def _without_tail(
+    trajectory: Trajectory, fraction: float, min_samples: int
+) -> tuple[list[Trajectory], list[Trajectory]]:
+    """Split the end off a recording, unless a part would be too short."""
+    cut = len(trajectory) - round(fraction * len(trajectory))
+    if min(cut, len(trajectory) - cut) < max(min_samples, trajectory.initial_samples + 1):
+        return [trajectory], []
+    head = trajectory.cut(0, cut, name=trajectory.name)
+    tail = trajectory.cut(cut, len(trajectory), name=f"{trajectory.name}#tail")
+    return [head], [tail]

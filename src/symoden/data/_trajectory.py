@@ -1,0 +1,146 @@
+"""One recording of a mechanism."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ._errors import DataError
+from ._shapes import Times
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """Positions, rates and inputs of a mechanism at increasing times; its arrays are copies that cannot be written to.
+
+    Attributes:
+        name: Name in messages and results; a file's stem, with `#1`, `#2`, … where the file was split.
+        ts: Time stamps [s], strictly increasing, spaced as they were recorded.
+        q: Positions; lengths in their unit, angles [rad] without jumps of 2π.
+        rates: Velocities or momenta; the data set says which.
+        us: Inputs; with hold "zero", `us[k]` acts on [`ts[k]`, `ts[k + 1]`). No columns mean free motion.
+        initial_samples: How many samples may be used to find the first state; scoring starts after them.
+
+    Example:
+        >>> import numpy as np
+        >>> ts = np.linspace(0.0, 1.0, 11)
+        >>> swing = Trajectory(name="swing", ts=ts, q=ts[:, None], rates=np.ones((11, 1)), us=np.zeros((11, 0)))
+        >>> len(swing), swing.duration
+        (11, 1.0)
+    """
+
+    name: str
+    ts: np.ndarray  # (T,), (T, n), (T, n), (T, m): refused with a DataError otherwise, with or without type checks
+    q: np.ndarray
+    rates: np.ndarray
+    us: np.ndarray
+    initial_samples: int = 1
+
+    def __post_init__(self) -> None:
+        """Copy the arrays, and refuse what is no recording.
+
+        Raises:
+            DataError: If a shape, a value, the order of the times or the number of initial samples is wrong.
+        """
+        for field, axes in (("ts", 1), ("q", 2), ("rates", 2), ("us", 2)):
+            object.__setattr__(
+                self, field, finite_numbers(getattr(self, field), f"`{self.name}`: `{field}`", axes=axes)
+            )
+        samples = len(self.ts)
+        if samples < 2:
+            raise DataError(f"`{self.name}`: a recording must have at least 2 samples; got {samples}.")
+        if not len(self.q) == len(self.rates) == len(self.us) == samples or self.q.shape != self.rates.shape:
+            raise DataError(
+                f"`{self.name}`: `ts` (T,), `q` (T, n), `rates` (T, n) and `us` (T, m) must agree in T and n; got "
+                f"shapes {self.ts.shape}, {self.q.shape}, {self.rates.shape}, {self.us.shape}. "
+                "Free motion has `us` (T, 0)."
+            )
+        if self.q.shape[1] == 0:
+            raise DataError(f"`{self.name}`: `q` must have at least one coordinate; got shape {self.q.shape}.")
+        refuse_times_out_of_order(self.ts, f"`{self.name}`: `ts`")
+        if not 1 <= self.initial_samples < samples:
+            raise DataError(
+                f"`{self.name}`: `initial_samples` must be at least 1 and leave a sample to score; "
+                f"got {self.initial_samples} of {samples} samples."
+            )
+
+    def __len__(self) -> int:
+        """Number of samples T."""
+        return len(self.ts)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.ts[-1] - self.ts[0])
+
+    def cut(self, start: int, stop: int, *, name: str) -> "Trajectory":
+        """Take the samples [start, stop) as a recording of its own, with its time stamps.
+
+        Args:
+            start: First sample.
+            stop: Sample after the last one.
+            name: Name of the new recording.
+
+        Returns:
+            The part.
+        """
+        part = slice(start, stop)
+        return Trajectory(
+            name=name,
+            ts=self.ts[part],
+            q=self.q[part],
+            rates=self.rates[part],
+            us=self.us[part],
+            initial_samples=self.initial_samples,
+        )
+
+
+def refuse_times_out_of_order(ts: Times, where: str, *, first_row: int = 0) -> None:
+    """Refuse time stamps that do not increase.
+
+    Args:
+        ts: Time stamps [s].
+        where: Start of the message: the file and the column.
+        first_row: Row of the first time stamp, so that the message gives the row of the file.
+
+    Raises:
+        DataError: If a time stamp is not greater than the one before it.
+    """
+    late = np.flatnonzero(np.diff(ts) <= 0)
+    if late.size:
+        k = int(late[0]) + 1
+        raise DataError(
+            f"{where}, row {first_row + k}: times must increase; got {float(ts[k])!r} after {float(ts[k - 1])!r} "
+            f"({late.size} such row{'s' if late.size > 1 else ''}). Sort the rows by time and keep one of each."
+        )
+
+
+def finite_numbers(values: object, what: str, *, axes: int) -> np.ndarray:
+    """Copy values into an array in double precision that cannot be written to.
+
+    Args:
+        values: Anything that NumPy makes an array of.
+        what: Start of the message: what holds the values.
+        axes: Number of axes that the array must have.
+
+    Returns:
+        The copy.
+
+    Raises:
+        DataError: If the values are no array of finite real numbers with so many axes.
+    """
+    try:
+        array = np.array(values)
+    except ValueError as error:
+        raise DataError(f"{what} must be an array of numbers; got rows of different length.") from error
+    if array.dtype.kind not in "biuf" or array.ndim != axes:
+        raise DataError(
+            f"{what} must be an array of real numbers with {axes} ax{'is' if axes == 1 else 'es'}; "
+            f"got {array.dtype} with shape {array.shape}."
+        )
+    array = array.astype(np.float64)
+    unfit = np.argwhere(~np.isfinite(array))
+    if unfit.size:
+        row = tuple(int(i) for i in unfit[0])
+        raise DataError(f"{what}, row {row[0]}: must be finite; got {float(array[row])!r}.")
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,62 @@
+"""A data set's recordings belong together, and its parts have nothing in common."""
+
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from symoden.data import DataError, Dataset, Trajectory
+
+
+def recording(name, seed, n=1, m=1):
+    values = np.random.default_rng(seed).normal(size=(20, 2 * n + m))
+    q, rates, us = np.split(values, [n, 2 * n], axis=1)
+    return Trajectory(name=name, ts=np.arange(20.0), q=q, rates=rates, us=us)
+
+
+def test_sizes_and_names_come_from_the_recordings():
+    dataset = Dataset(name="arm", space="R1 T1", train=(recording("a", 0, 2, 3),), input_names=("x", "y", "z"))
+    assert (dataset.size, dataset.inputs) == (2, 3)
+    assert dataset.position_names == ("q1", "q2")
+    assert dataset.input_names == ("x", "y", "z")
+
+
+def test_recordings_are_those_of_all_parts():
+    a, b, c = (recording(name, seed) for seed, name in enumerate("abc"))
+    assert Dataset(name="arm", space="T1", train=(a,), test=(b,), validation=(c,)).recordings == (a, b, c)
+
+
+def test_an_input_matrix_of_whole_numbers_is_kept_in_double_precision():
+    dataset = Dataset(name="arm", space="T1", train=(recording("a", 0),), input_matrix=np.array([[2]]))
+    np.testing.assert_array_equal(dataset.input_matrix, [[2.0]], strict=True)
+
+
+def test_importing_the_data_layer_imports_no_jax():
+    code = "import sys, symoden.data; sys.exit('jax' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+BAD = [
+    ({"train": ()}, "at least one recording"),
+    ({"test": (recording("b", 1, m=2),)}, "`a` has 1 and 1, `b` has 1 and 2"),
+    ({"space": "T2"}, "the space `T2` has 2 coordinates, the recordings have 1"),
+    ({"space": "S1"}, r"`arm`: A space must be factors R<n> and T<m>"),
+    ({"input_matrix": np.ones((1, 2))}, "`input_matrix` must be 1 × 1 .*; got 1 × 2"),
+    ({"input_matrix": np.array([[np.nan]])}, "`input_matrix`, row 0: must be finite"),
+    ({"position_names": ("a", "b")}, "`position_names` must be 1 names; got 2"),
+]
+
+
+@pytest.mark.parametrize(("changes", "message"), BAD, ids=[message for _, message in BAD])
+def test_what_does_not_belong_together_is_refused(changes, message):
+    with pytest.raises(DataError, match=message):
+        Dataset(**{"name": "arm", "space": "T1", "train": (recording("a", 0),), **changes})
+
+
+@pytest.mark.parametrize("part", ["test", "validation"])
+def test_a_training_recording_under_another_name_is_refused_elsewhere(part):
+    parts: dict[str, Any] = {part: (recording("b", 0),)}
+    with pytest.raises(DataError, match=f"`b` of `{part}` must not be a recording of `train`; it equals `a`"):
+        Dataset(name="arm", space="T1", train=(recording("a", 0),), **parts)

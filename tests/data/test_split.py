@@ -1,0 +1,81 @@
+"""Splitting loses no sample, and what is chosen by is never what is learned from."""
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.data import DataError, Dataset, Trajectory, segments, split_validation
+
+
+def recording(samples, name="run", start=0.0, initial_samples=1):
+    q = start + np.cumsum(np.random.default_rng(samples).normal(size=(samples, 1)), axis=0)
+    q -= q[0] - start
+    u = np.full((samples, 1), float(len(name)))
+    ts = 0.1 * np.arange(samples)
+    return Trajectory(name=name, ts=ts, q=q, rates=q + 1, us=u, initial_samples=initial_samples)
+
+
+@given(samples=st.integers(10, 300), seconds=st.floats(0.3, 40.0))
+def test_segments_put_together_are_the_recording(samples, seconds):
+    trajectory = recording(samples)
+    parts = segments(trajectory, seconds)
+    np.testing.assert_array_equal(np.concatenate([part.ts for part in parts]), trajectory.ts)
+    np.testing.assert_array_equal(np.concatenate([part.q for part in parts]), trajectory.q)
+
+
+@given(count=st.integers(2, 12), each=st.integers(5, 40))
+def test_segments_that_fit_are_equally_long(count, each):
+    parts = segments(recording(count * each), 0.1 * each)
+    assert [len(part) for part in parts] == [each] * count
+    assert [part.name for part in parts] == [f"run#{k + 1}" for k in range(count)]
+
+
+def test_a_recording_of_one_segment_keeps_its_name():
+    assert segments(recording(20), 5.0)[0].name == "run"
+
+
+def test_segments_too_short_for_a_recording_are_refused():
+    with pytest.raises(DataError, match=r"`split_every` must leave at least 4 samples .* got 0.2 s for samples 0.1 s"):
+        segments(recording(50, initial_samples=3), 0.2)
+
+
+@given(lengths=st.lists(st.integers(20, 60), min_size=1, max_size=9), fraction=st.floats(0.1, 0.9))
+def test_few_recordings_give_their_ends(lengths, fraction):
+    train = tuple(recording(samples, f"run{i}", start=i) for i, samples in enumerate(lengths))
+    split = split_validation(Dataset(name="arm", space="R1", train=train), fraction)
+    for whole, head, tail in zip(train, split.train, split.validation, strict=True):
+        np.testing.assert_array_equal(np.concatenate([head.ts, tail.ts]), whole.ts)
+        assert (head.name, tail.name) == (whole.name, f"{whole.name}#tail")
+        assert len(tail) == pytest.approx(fraction * len(whole), abs=0.5 + 1e-9)
+
+
+@given(states=st.integers(10, 40), inputs=st.integers(1, 3), fraction=st.floats(0.05, 0.9))
+def test_many_recordings_are_held_out_whole_together_with_those_of_the_same_start(states, inputs, fraction):
+    train = tuple(recording(12 + i, "u" * (k + 1), start=i) for k in range(inputs) for i in range(states))
+    split = split_validation(Dataset(name="arm", space="R1", train=train), fraction)
+    assert sorted(map(id, split.train + split.validation)) == sorted(map(id, train))
+    assert not {t.q[0, 0] for t in split.train} & {t.q[0, 0] for t in split.validation}
+    assert len(split.validation) == inputs * max(1, round(fraction * states))
+
+
+def test_given_validation_recordings_stay():
+    dataset = Dataset(name="arm", space="R1", train=(recording(30, "a"),), validation=(recording(40, "b"),))
+    assert split_validation(dataset) is dataset
+
+
+def test_recordings_too_short_to_cut_stay_whole():
+    dataset = Dataset(name="arm", space="R1", train=(recording(30, "a"), recording(100, "b")))
+    split = split_validation(dataset, 0.1, min_samples=8)
+    assert [len(t) for t in split.train] == [30, 90]
+    assert [t.name for t in split.validation] == ["b#tail"]
+
+
+def test_nothing_to_hold_out_is_refused():
+    with pytest.raises(DataError, match=r"`arm`: validation needs recordings .* got 1"):
+        split_validation(Dataset(name="arm", space="R1", train=(recording(5),)), 0.1)
+
+
+@pytest.mark.parametrize("fraction", [0.0, 1.0])
+def test_a_share_of_nothing_or_all_is_refused(fraction):
+    with pytest.raises(ValueError, match="`fraction` must be between 0 and 1"):
+        split_validation(Dataset(name="arm", space="R1", train=(recording(50),)), fraction)
