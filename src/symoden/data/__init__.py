@@ -2,8 +2,10 @@
 
 from ._dataset import Dataset as Dataset
 from ._errors import DataError as DataError
+from ._resample import resample as resample
 from ._split import segments as segments, split_validation as split_validation
 from ._trajectory import Trajectory as Trajectory
+from ._velocities import estimate_velocities as estimate_velocities
 from ._windows import Windows as Windows, windows as windows
 
 __all__ = [
@@ -11,6 +13,8 @@ __all__ = [
     "Dataset",
     "Trajectory",
     "Windows",
+    "estimate_velocities",
+    "resample",
     "segments",
     "split_validation",
     "windows",
