@@ -1,0 +1,150 @@
+"""Reading files of named arrays: NPZ, HDF5 and MAT. None of them runs code, follows links or trusts a claimed size."""
+
+import math
+import zipfile
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ._errors import DataError, missing
+from ._limits import refuse_large
+from ._mat import read_mat5
+
+if TYPE_CHECKING:
+    import h5py
+
+_HEADER = 128  # bytes of a MAT file that say its version
+_REAL = "biuf"
+
+
+def read_npz(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
+    """Read variables of NumPy's archive without unpickling anything.
+
+    Args:
+        path: File.
+        names: The variables.
+
+    Returns:
+        The variables by name.
+
+    Raises:
+        DataError: If the file is broken, or a variable is absent or not numeric.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+            for name in names:
+                if name not in members:
+                    raise DataError(missing(path, name, members, kind="variable"))
+                refuse_large(path, members[name].file_size, f"variable `{name}`")
+            return {name: _read_npy(path, archive, members[name]) for name in names}
+    except DataError:
+        raise
+    except Exception as error:  # A broken archive can fail anywhere in the parsers.
+        raise DataError(_broken(path, "NPZ", error)) from error
+
+
+def read_hdf5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
+    """Read data sets of an HDF5 file, by their path in it (`group/name`).
+
+    Args:
+        path: File.
+        names: The data sets.
+
+    Returns:
+        The data sets by name.
+
+    Raises:
+        DataError: If h5py is not installed, the file is broken, or a data set is absent, not numeric or elsewhere.
+    """
+    try:
+        import h5py  # optional
+    except ImportError as error:
+        raise DataError(
+            f"`{path}`: HDF5 files (.h5, .hdf5 and .mat of version 7.3) need h5py. Install symoden[data]."
+        ) from error
+    try:
+        with h5py.File(path, "r") as file:
+            return {name: _read_hdf5_dataset(path, file, name) for name in names}
+    except DataError:
+        raise
+    except Exception as error:  # A broken file can fail anywhere in the library.
+        raise DataError(_broken(path, "HDF5", error)) from error
+
+
+def read_mat(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
+    """Read variables of a MATLAB file, version 5 to 7.3.
+
+    Args:
+        path: File.
+        names: The variables.
+
+    Returns:
+        The variables by name, with MATLAB's axes.
+
+    Raises:
+        DataError: If the file is broken, or a variable is absent or not numeric.
+    """
+    with path.open("rb") as file:
+        header = file.read(_HEADER)
+    if header.startswith(b"MATLAB 7.3"):
+        return {name: array.T for name, array in read_hdf5(path, names).items()}
+    try:
+        return read_mat5(path, names)
+    except DataError:
+        raise
+    except Exception as error:  # A broken file can fail anywhere in the parser.
+        raise DataError(_broken(path, "MAT", error)) from error
+
+
+def _read_npy(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:
+    """One array of an archive, once its header agrees with its size."""
+    name = info.filename.removesuffix(".npy")
+    with archive.open(info) as file:
+        version = np.lib.format.read_magic(file)
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_header(file)
+    if dtype.kind not in _REAL:
+        raise DataError(f"`{path}`: variable `{name}` must hold real numbers; got {dtype}. Objects are never loaded.")
+    claimed = math.prod(shape) * dtype.itemsize
+    if claimed > info.file_size:
+        raise DataError(
+            f"`{path}`: variable `{name}` must have the {claimed} bytes that its header claims; got {info.file_size}. "
+            "The file is broken."
+        )
+    with archive.open(info) as file:
+        return np.lib.format.read_array(file, allow_pickle=False)
+
+
+def _read_hdf5_dataset(path: Path, file: "h5py.File", name: str) -> np.ndarray:
+    """One data set, if its numbers are in this file."""
+    import h5py  # optional
+
+    link = file.get(name, getlink=True) if name in file else None
+    if isinstance(link, h5py.ExternalLink):
+        raise DataError(f"`{path}`: variable `{name}` must be in this file; got a link to `{link.filename}`.")
+    dataset = file[name] if link is not None else None
+    if not isinstance(dataset, h5py.Dataset):
+        found: list[str] = []
+        file.visititems(lambda key, item: found.append(key) if isinstance(item, h5py.Dataset) else None)
+        raise DataError(missing(path, name, found, kind="variable"))
+    if dataset.is_virtual or dataset.external or Path(dataset.file.filename) != Path(file.filename):
+        raise DataError(f"`{path}`: variable `{name}` must be in this file; got one that is stored in another.")
+    refuse_large(path, 8 * math.prod(dataset.shape or ()), f"variable `{name}`")
+    return _numeric(path, name, dataset[()])
+
+
+def _numeric(path: Path, name: str, values: object) -> np.ndarray:
+    """The values, if they are an array of real numbers."""
+    if not isinstance(values, np.ndarray | np.generic) or values.dtype.kind not in _REAL:
+        kind = values.dtype if isinstance(values, np.ndarray | np.generic) else type(values).__name__
+        raise DataError(f"`{path}`: variable `{name}` must hold real numbers; got {kind}.")
+    return np.asarray(values)
+
+
+def _broken(path: Path, kind: str, error: Exception) -> str:
+    """Message for a file that its parser could not read."""
+    reason = (str(error) or type(error).__name__).splitlines()[0]
+    return f"`{path}`: must be a complete {kind} file; reading stopped at: {reason}"

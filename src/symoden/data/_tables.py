@@ -1,0 +1,129 @@
+"""Reading tables: CSV, also compressed, and Parquet."""
+
+import csv
+import gzip
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+
+from ._errors import DataError, missing
+from ._limits import LARGEST, refuse_large
+
+_BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
+
+
+def read_csv(path: Path) -> pl.DataFrame:
+    """Read a table of text, its first line naming the columns; separated by commas, semicolons or tabs.
+
+    Args:
+        path: File; its name ends in `.gz` if it is compressed.
+
+    Returns:
+        The columns as they are written, still text.
+
+    Raises:
+        DataError: If the file is empty, broken or no table.
+    """
+    try:
+        text = _contents(path).decode("utf-8-sig")
+    except (*_BROKEN_GZIP, UnicodeDecodeError) as error:
+        raise DataError(f"`{path}`: must be a complete CSV file in UTF-8; reading stopped at: {error}.") from error
+    header, _, body = text.strip().partition("\n")
+    if not header:
+        raise DataError(f"`{path}`: is empty; it must have a line of column names and a line for each sample.")
+    separator = max(",;\t", key=header.count)
+    cells = next(csv.reader([header.removeprefix("#").strip()], delimiter=separator, skipinitialspace=True))
+    names = [cell.strip() for cell in cells]
+    schema = {str(i): pl.String for i in range(len(names))}
+    if not body:
+        return pl.DataFrame(schema=schema).rename(_unique(names))
+    try:
+        frame = pl.read_csv(body.encode(), has_header=False, separator=separator, schema=schema)
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        reason = str(error).splitlines()[0]
+        raise DataError(
+            f"`{path}`: every line must have the {len(names)} cells that the first line names; reading stopped at: "
+            f"{reason}."
+        ) from error
+    return frame.rename(_unique(names))
+
+
+def read_parquet(path: Path) -> pl.DataFrame:
+    """Read a Parquet file.
+
+    Args:
+        path: File.
+
+    Returns:
+        All its columns.
+
+    Raises:
+        DataError: If the file is broken.
+    """
+    refuse_large(path, path.stat().st_size, "the file")
+    try:
+        return pl.read_parquet(path, glob=False)
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise DataError(f"`{path}`: must be a complete Parquet file; reading stopped at: {reason}.") from error
+
+
+def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np.ndarray:
+    """Take a column of numbers out of a table.
+
+    Args:
+        path: File, for messages.
+        frame: The table, rows already selected.
+        name: The column.
+        first_row: Row of the file that is the table's first row, for messages.
+
+    Returns:
+        The column.
+
+    Raises:
+        DataError: If the column is absent or twice there, or a cell is empty or no number.
+    """
+    if name not in frame.columns:
+        raise DataError(missing(path, name, frame.columns))
+    if f"{name} (again)" in frame.columns:
+        raise DataError(f"`{path}`: column `{name}` must be there once; got it twice. Rename one of them.")
+    column = frame[name]
+    if column.dtype == pl.String:
+        column = column.str.strip_chars()
+        cast = column.cast(pl.Float64, strict=False)
+        bad = cast.is_null()
+    elif column.dtype.is_numeric() or column.dtype == pl.Boolean:
+        cast = column.cast(pl.Float64)
+        bad = cast.is_null()
+    else:
+        raise DataError(f"`{path}`: column `{name}` must hold numbers; got {column.dtype}.")
+    first_bad = bad.arg_max() if bad.any() else None
+    if first_bad is not None:
+        cell = column[first_bad]
+        raise DataError(
+            f"`{path}`: column `{name}`, row {first_row + first_bad}: must be a number; got "
+            f"{'an empty cell' if cell in (None, '') else repr(cell)}. Correct it, or select rows without it by `rows`."
+        )
+    return cast.to_numpy().astype(np.float64)
+
+
+def _contents(path: Path) -> bytes:
+    """Bytes of a file, decompressed, up to the limit."""
+    with gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb") as file:
+        contents = file.read(LARGEST + 1)
+    refuse_large(path, len(contents), "the file")
+    return contents
+
+
+def _unique(names: Iterable[str]) -> dict[str, str]:
+    """From polars' numbers to the names of the columns, a repeated name being marked."""
+    unique: dict[str, str] = {}
+    for i, name in enumerate(names):
+        free = name
+        while free in unique.values():
+            free += " (again)"
+        unique[str(i)] = free
+    return unique

@@ -1,0 +1,148 @@
+"""Tables are read as they are written, and what is wrong in them is named by file, column and row."""
+
+import gzip
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import HealthCheck, given, settings, strategies as st
+
+from symoden.data import DataError
+from symoden.data._readers import read_rows
+
+ALL = slice(0, None)
+
+
+def written(path, text):
+    path.write_bytes(gzip.compress(text.encode()) if path.suffix == ".gz" else text.encode())
+    return path
+
+
+@given(values=st.lists(st.tuples(st.floats(-1e300, 1e300), st.floats(-1e3, 1e3)), min_size=1, max_size=20))
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_numbers_are_read_to_the_last_bit(tmp_path, values):
+    lines = [f"{a!r},{b!r}" for a, b in values]
+    path = written(tmp_path / "run.csv", "\n".join(["a,b", *lines]))
+    np.testing.assert_array_equal(read_rows(path, {"x": ("a", "b")}, ALL).signals["x"], values)
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.csv.gz", "RUN.CSV.GZ"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t,q\n0,1.5\n1,2.5\n",
+        "\ufefft;q\r\n0;1.5\r\n1; 2.5\r\n\r\n",
+        "# t\tq\n0\t1.5\n1\t+2.5e0",
+        't, "q" ,note\n0,1.5,"a, b"\n1,2.5,\n',
+    ],
+    ids=["commas", "semicolons", "tabs", "quotes"],
+)
+def test_every_usual_way_to_write_a_table_is_understood(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_bytes(gzip.compress(text.encode()) if name.lower().endswith("gz") else text.encode())
+    found = read_rows(path, {"time": "t", "positions": ("q",), "inputs": ()}, ALL)
+    np.testing.assert_array_equal(found.signals["time"][:, 0], [0, 1])
+    np.testing.assert_array_equal(found.signals["positions"][:, 0], [1.5, 2.5])
+    assert found.signals["inputs"].shape == (2, 0)
+    assert found.names == {"time": ("t",), "positions": ("q",), "inputs": ()}
+
+
+def test_parquet_is_read_by_column(tmp_path):
+    path = tmp_path / "run.parquet"
+    pl.DataFrame({"q": [1, 2, 3], "u": [True, False, True], "note": ["a", "b", "c"]}).write_parquet(path)
+    found = read_rows(path, {"x": ("u", "q")}, slice(1, None))
+    np.testing.assert_array_equal(found.signals["x"], [[0, 2], [1, 3]])
+
+
+@pytest.mark.parametrize(
+    ("rows", "start", "stop"), [((0, None), 0, 5), ((1, 3), 1, 3), ((-2, None), 3, 5), ((0, -1), 0, 4), ((2, 99), 2, 5)]
+)
+def test_rows_select_as_python_does(tmp_path, rows, start, stop):
+    path = written(tmp_path / "run.csv", "a\n0\n1\n2\n3\n4")
+    found = read_rows(path, {"x": ("a",)}, slice(*rows))
+    assert (found.start, found.stop, len(found)) == (start, stop, stop - start)
+    np.testing.assert_array_equal(found.signals["x"][:, 0], range(start, stop))
+
+
+def test_what_is_wrong_outside_the_rows_does_no_harm(tmp_path):
+    path = written(tmp_path / "run.csv", "a,b\noops,1\n2,\n3,4\nnan,5")
+    np.testing.assert_array_equal(read_rows(path, {"x": ("a", "b")}, slice(2, 3)).signals["x"], [[3, 4]])
+
+
+BAD = [
+    ("t,q\n0,1", "no column `a`; found `t, q`"),
+    ("t,A1,b\n0,1,1", r"no column `a`; found `t, A1, b`\. Did you mean `A1`\? Give the names as the file has them"),
+    ("a,b\n1,2\n3,on\n", r"column `b`, row 1: must be a number; got 'on'"),
+    ("a,b\n1,2\n3,", "column `b`, row 1: must be a number; got an empty cell"),
+    ("a,b\n1,2\n\n3,4", "column `a`, row 1: must be a number; got an empty cell"),
+    ("a,b\n1,2\n1,2\n1,NaN\n1,inf", r"column `b`, row 2: must be finite; got nan \(2 such values in `x`\)"),
+    ("a,b\n1,2\n1,2,3", r"every line must have the 2 cells that the first line names"),
+    ("a,b,a\n1,2,3", "column `a` must be there once; got it twice"),
+    ("", "is empty"),
+    ("\n \n", "is empty; it must have a line of column names"),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), BAD, ids=[message for _, message in BAD])
+def test_a_bad_table_is_refused_by_name_and_row(tmp_path, text, message):
+    path = written(tmp_path / "run.csv", text)
+    with pytest.raises(DataError, match=message) as caught:
+        read_rows(path, {"x": ("a", "b")}, ALL)
+    assert str(caught.value).startswith(f"`{path}`: ")
+
+
+def test_the_row_of_an_error_is_the_files_row(tmp_path):
+    path = written(tmp_path / "run.csv", "a\n0\n1\n2\nx\n")
+    with pytest.raises(DataError, match="column `a`, row 3: "):
+        read_rows(path, {"x": ("a",)}, slice(2, None))
+
+
+@pytest.mark.parametrize("cut", [5, 40, -1, -9])
+def test_a_truncated_compressed_table_is_refused(tmp_path, cut):
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(gzip.compress(b"a\n" + b"".join(b"%d\n" % i for i in range(500)))[:cut])
+    with pytest.raises(DataError, match="must be a complete CSV file in UTF-8; reading stopped at"):
+        read_rows(path, {"x": ("a",)}, ALL)
+
+
+@pytest.mark.parametrize("name", ["run.csv.gz", "run.csv", "run.parquet"])
+def test_bytes_of_something_else_are_refused(tmp_path, name):
+    (tmp_path / name).write_bytes(b"\xff\xfe\x00PAR1" + bytes(range(256)) * 4 + b"PAR1")
+    with pytest.raises(DataError, match=f"{name}`: must be a complete"):
+        read_rows(tmp_path / name, {"x": ("a",)}, ALL)
+
+
+def test_every_truncation_of_a_parquet_file_is_refused(tmp_path):
+    path = tmp_path / "run.parquet"
+    pl.DataFrame({"a": np.arange(100.0)}).write_parquet(path)
+    whole = path.read_bytes()
+    for cut in range(1, len(whole), 37):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(DataError, match="must be a complete Parquet file"):
+            read_rows(path, {"x": ("a",)}, ALL)
+
+
+def test_a_parquet_column_that_is_no_number_is_refused(tmp_path):
+    path = tmp_path / "run.parquet"
+    pl.DataFrame({"a": [[1.0], [2.0]]}).write_parquet(path)
+    with pytest.raises(DataError, match="column `a` must hold numbers; got List"):
+        read_rows(path, {"x": ("a",)}, ALL)
+
+
+def test_a_file_that_unpacks_without_end_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("symoden.data._tables.LARGEST", 1 << 20)
+    monkeypatch.setattr("symoden.data._limits.LARGEST", 1 << 20)
+    path = tmp_path / "run.csv.gz"
+    path.write_bytes(gzip.compress(b"a\n" + b"0\n" * (1 << 20)))
+    with pytest.raises(DataError, match="the file must have at most 1 MiB"):
+        read_rows(path, {"x": ("a",)}, ALL)
+
+
+def test_an_unknown_ending_is_refused(tmp_path):
+    with pytest.raises(DataError, match=r"run.yml`: the name must end in one of `\.csv, \.csv\.gz, \.parquet"):
+        read_rows(written(tmp_path / "run.yml", "a: 1"), {"x": ("a",)}, ALL)
+
+
+def test_an_absent_file_is_refused(tmp_path):
+    with pytest.raises(DataError, match="cannot be read: No such file"):
+        read_rows(tmp_path / "run.csv", {"x": ("a",)}, ALL)
