@@ -2,6 +2,7 @@
 
 from ._dataset import Dataset as Dataset
 from ._errors import DataError as DataError
+from ._read_dataset import read_dataset as read_dataset
 from ._resample import resample as resample
 from ._split import segments as segments, split_validation as split_validation
 from ._trajectory import Trajectory as Trajectory
@@ -14,6 +15,7 @@ __all__ = [
     "Trajectory",
     "Windows",
     "estimate_velocities",
+    "read_dataset",
     "resample",
     "segments",
     "split_validation",

@@ -1,0 +1,235 @@
+"""The description of a data set: a TOML file that says which numbers of which files mean what."""
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Literal, NoReturn, TypeAlias
+
+from ._errors import DataError, listing, nearest
+from ._readers import Selector
+
+Check: TypeAlias = Callable[[object], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """Files of one part of a data set.
+
+    Attributes:
+        files: Names or patterns, relative to the description.
+        rows: Rows [start, stop) to read of each file, counted from 0; negative ones count from the end.
+        split_every: Duration of the segments to split each recording into [s].
+    """
+
+    files: tuple[str, ...]
+    rows: tuple[int, int | None] = (0, None)
+    split_every: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """What a description says; see the documentation of the format for the keys.
+
+    Attributes:
+        space: Configuration space, one factor per position column.
+        positions: Columns of positions; angles in rad.
+        time: Column of time stamps [s].
+        dt: Step of files without time stamps [s].
+        velocities: Columns of velocities.
+        momenta: Columns of momenta; neither these nor velocities: velocities are estimated from the positions.
+        inputs: Columns of inputs; none: free motion.
+        hold: What an input is between samples.
+        resample: Step of the uniform grid to bring recordings to [s].
+        input_matrix: Known g, row by row.
+        initial_samples: Samples of a recording, after resampling, that may be used to find its first state.
+        train: Part to learn from.
+        test: Part for the final score.
+        validation: Part for choices during training.
+    """
+
+    space: str
+    positions: Selector
+    time: str | None = None
+    dt: float | None = None
+    velocities: Selector | None = None
+    momenta: Selector | None = None
+    inputs: Selector = ()
+    hold: Literal["zero", "linear"] = "zero"
+    resample: float | None = None
+    input_matrix: tuple[tuple[float, ...], ...] | None = None
+    initial_samples: int = 1
+    train: Part | None = None
+    test: Part | None = None
+    validation: Part | None = None
+
+
+def read_description(path: Path, *, space: str | None = None) -> Description:
+    """Read a description, taking nothing for granted.
+
+    Args:
+        path: TOML file.
+        space: Space to take instead of the one in the file.
+
+    Returns:
+        What it says.
+
+    Raises:
+        DataError: If the file cannot be read, has an unknown key, lacks one, or has a wrong value.
+    """
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise DataError(f"`{path}`: cannot be read: {error.strerror or error}. Give a description's path.") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise DataError(f"`{path}`: must be a TOML file; reading stopped at: {error}.") from error
+    parts: dict[str, Any] = {
+        name: Part(**_checked(path, f"[{name}] ", table.pop(name), _PART_KEYS, required=("files",)))
+        for name in _PARTS
+        if name in table
+    }
+    if space is not None:
+        table["space"] = space
+    values = _checked(path, "", table, _KEYS, required=("space", "positions"))
+    description = Description(**values, **parts)
+    _refuse_contradictions(path, description)
+    return description
+
+
+def _checked(
+    path: Path, where: str, table: object, keys: Mapping[str, Check], *, required: tuple[str, ...]
+) -> dict[str, Any]:
+    """Values of a table whose keys are all known and whose values are all fit."""
+    if not isinstance(table, dict):
+        raise DataError(f"`{path}`: {where}must be a table; got {table!r}.")
+    for key in table:
+        if key not in keys:
+            known = (*keys, *_PARTS) if not where else tuple(keys)
+            raise DataError(
+                f"`{path}`: {where or 'a description '}has no key `{key}`.{nearest(key, known)} "
+                f"The keys are {listing(known)}."
+            )
+    for key in required:
+        if key not in table:
+            raise DataError(f"`{path}`: {where}`{key}` must be given; found {listing(table)}.{nearest(key, table)}")
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        try:
+            values[key] = keys[key](value)
+        except ValueError as error:
+            raise DataError(f"`{path}`: {where}`{key}` {error}; got {value!r}.") from error
+    return values
+
+
+def _refuse_contradictions(path: Path, description: Description) -> None:
+    """Refuse values that are fit one by one but not together."""
+    if (description.time is None) == (description.dt is None):
+        raise DataError(
+            f"`{path}`: exactly one of `time` (a column) and `dt` (the step in seconds) must be given; got "
+            f"{'neither' if description.time is None else 'both'}."
+        )
+    if description.velocities is not None and description.momenta is not None:
+        raise DataError(f"`{path}`: only one of `velocities` and `momenta` may be given; got both.")
+    if description.train is None and description.test is None:
+        raise DataError(f"`{path}`: [train] or [test] must name `files`; got neither.")
+    if isinstance(description.positions, tuple):
+        _refuse_other_size(path, description)
+
+
+def _refuse_other_size(path: Path, description: Description) -> None:
+    """Refuse numbers of columns that do not agree with the number of positions."""
+    size = len(description.positions)
+    for key in ("velocities", "momenta"):
+        columns = getattr(description, key)
+        if isinstance(columns, tuple) and len(columns) != size:
+            raise DataError(f"`{path}`: `{key}` must name {size} columns, one per position; got {len(columns)}.")
+
+
+def _fail(what: str) -> NoReturn:
+    """Say what a value must be."""
+    raise ValueError(f"must be {what}")
+
+
+def _text(value: object) -> str:
+    """A name."""
+    return value if isinstance(value, str) and value else _fail("a text")
+
+
+def _texts(value: object) -> tuple[str, ...]:
+    """A list of names, at least one."""
+    if not isinstance(value, list) or not value or not all(isinstance(item, str) and item for item in value):
+        _fail('a list of texts in brackets, such as ["a", "b"]')
+    return tuple(value)
+
+
+def _selector(value: object) -> Selector:
+    """A list of names, or the name of a 2-D variable."""
+    names = value if isinstance(value, str) and value else _texts(value)
+    if isinstance(names, tuple) and len(set(names)) < len(names):
+        _fail("names that differ from each other")
+    return names
+
+
+def _inputs(value: object) -> Selector:
+    """A list of names, which may be empty, or the name of a 2-D variable."""
+    return () if value == [] else _selector(value)
+
+
+def _is_number(value: object) -> bool:
+    """Whether a value is a finite number; true and false are none."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _positive(value: object) -> float:
+    """A positive number of seconds."""
+    if not isinstance(value, int | float) or not _is_number(value) or value <= 0:
+        _fail("a positive number of seconds")
+    return float(value)
+
+
+def _count(value: object) -> int:
+    """A whole number from 1 on."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
+        _fail("a whole number, at least 1")
+    return value
+
+
+def _hold(value: object) -> object:
+    """A kind of hold."""
+    return value if value in ("zero", "linear") else _fail('"zero" or "linear"')
+
+
+def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
+    """Rows of numbers, all of one length."""
+    rows = value if isinstance(value, list) else []
+    if not rows or not all(isinstance(row, list) and row and all(map(_is_number, row)) for row in rows):
+        _fail("a list of rows of numbers, such as [[1, 0], [0, 1]]")
+    if len({len(row) for row in rows}) > 1:
+        _fail("rows of equal length")
+    return tuple(tuple(float(item) for item in row) for row in rows)
+
+
+def _rows(value: object) -> tuple[int, int | None]:
+    """First row, and the row after the last one or nothing."""
+    numbers = value if isinstance(value, list) else []
+    if len(numbers) not in (1, 2) or not all(isinstance(item, int) and not isinstance(item, bool) for item in numbers):
+        _fail("[start, stop), two whole numbers, or [start] for all rows from there on")
+    return numbers[0], numbers[1] if len(numbers) > 1 else None
+
+
+_PARTS: Final = ("train", "test", "validation")
+_PART_KEYS: Final[dict[str, Check]] = {"files": _texts, "rows": _rows, "split_every": _positive}
+_KEYS: Final[dict[str, Check]] = {
+    "space": _text,
+    "time": _text,
+    "dt": _positive,
+    "positions": _selector,
+    "velocities": _selector,
+    "momenta": _selector,
+    "inputs": _inputs,
+    "hold": _hold,
+    "resample": _positive,
+    "input_matrix": _matrix,
+    "initial_samples": _count,
+}
