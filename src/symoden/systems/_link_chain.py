@@ -91,11 +91,9 @@ class LinkChain(AbstractMechanical):
         """Refuse parameters that are unphysical or make the chain active.
 
         Raises:
-            ValueError: If there is no link, the numbers of entries differ, a mass, length, centre or inertia is not
+            ValueError: If the numbers of entries differ, a mass, length, centre or inertia is not
                 positive, or gravity or a damping is negative.
         """
-        if not self.masses:
-            raise ValueError("`masses` must have an entry for each link, and there must be a link; got none.")
         groups = {"lengths": self.lengths, "centres": self.centres, "inertias": self.inertias}
         require_count(len(self.masses), dampings=self.dampings, actuated=self.actuated, **groups)
         for name, values in {"masses": self.masses, **groups}.items():
