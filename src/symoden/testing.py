@@ -78,30 +78,17 @@ def check_shapes(system: AbstractDynamics, *, seed: int = 0) -> None:
     """Raise unless every function keeps to the sizes of the system and to the precision of its arguments."""
     q, rates, u = (batch[0] for batch in draw_samples(system, seed=seed, count=1))
     n, m, e = system.space.size, system.inputs, system.space.embedded_size
-    state = eqx.filter_eval_shape(system.encode, q, rates)
-    decoded, decoded_rates = eqx.filter_eval_shape(system.decode, state)
-    motion = eqx.filter_eval_shape(_derivative, system, state, u)
-    results = [
-        ("derivative", motion, state.shape),
-        ("decode", decoded, (n,)),
-        ("decode", decoded_rates, (n,)),
-        ("observe", eqx.filter_eval_shape(system.observe, state), (e + n,)),
-    ]
     if isinstance(system, AbstractPortHamiltonian):
-        D = eqx.filter_eval_shape(system.dissipation_matrix, q, rates)
-        results += [
-            ("hamiltonian", eqx.filter_eval_shape(system.hamiltonian, q, rates), ()),
-            ("mass_matrix", eqx.filter_eval_shape(system.mass_matrix, q), (n, n)),
-            ("inverse_mass_matrix", eqx.filter_eval_shape(system.inverse_mass_matrix, q), (n, n)),
-            ("input_matrix", eqx.filter_eval_shape(system.input_matrix, q), (n, m)),
-            ("dissipation_matrix", D, (2 * n, 2 * n) if D.shape == (2 * n, 2 * n) else (n, n)),
-        ]
-    for name, result, shape in results:
-        _require(
-            result.shape == shape and result.dtype == q.dtype,
-            f"`{name}` must have shape {shape} and dtype {q.dtype}; got {result.shape} and {result.dtype}. "
-            "Let shapes follow `space` and `inputs`, and dtypes the arguments",
-        )
+        _shaped("hamiltonian", system.hamiltonian, (q, rates), [()])
+        _shaped("mass_matrix", system.mass_matrix, (q,), [(n, n)])
+        _shaped("inverse_mass_matrix", system.inverse_mass_matrix, (q,), [(n, n)])
+        _shaped("input_matrix", system.input_matrix, (q,), [(n, m)])
+        _shaped("dissipation_matrix", system.dissipation_matrix, (q, rates), [(n, n), (2 * n, 2 * n)])
+    state = eqx.filter_eval_shape(system.encode, q, rates)
+    _shaped("derivative", lambda state, u: _derivative(system, state, u), (state, u), [state.shape])
+    _shaped("decode", lambda state: system.decode(state)[0], (state,), [(n,)])
+    _shaped("decode", lambda state: system.decode(state)[1], (state,), [(n,)])
+    _shaped("observe", system.observe, (state,), [(e + n,)])
 
 
 def check_round_trip(system: AbstractDynamics, *, seed: int = 0) -> None:
@@ -260,6 +247,16 @@ def _compiled(function: Callable[..., PyTree], system: AbstractDynamics, *batche
 def _on_each(function: Callable[..., PyTree], system: AbstractDynamics, *batches: Array) -> PyTree:
     """Evaluate a function of one sample on a batch, as NumPy arrays."""
     return jax.tree.map(np.asarray, _compiled(function, system, *batches))
+
+
+def _shaped(name: str, function: Callable[..., Array], arguments: tuple, shapes: list[tuple[int, ...]]) -> None:
+    """Require a result to have one of the shapes, and the precision of the first argument."""
+    result, dtype = eqx.filter_eval_shape(function, *arguments), arguments[0].dtype
+    _require(
+        result.shape in shapes and result.dtype == dtype,
+        f"`{name}` must have shape {' or '.join(map(str, shapes))} and dtype {dtype}; got {result.shape} and "
+        f"{result.dtype}. Let shapes follow `space` and `inputs`, and dtypes the arguments",
+    )
 
 
 def _definite(name: str, matrices: np.ndarray, samples: Samples, *, strictly: bool) -> None:
