@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..mechanics import AbstractDynamics
-from ..shapes import Coordinates, Rates, Times
+from symoden.mechanics import AbstractDynamics
+from symoden.shapes import Coordinates, Rates, Times
+
 from ._solvers import RK4, AbstractSolver
 
 SampledInputs: TypeAlias = Float[Array, "T m"]

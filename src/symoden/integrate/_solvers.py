@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..shapes import Inputs, Scalar
+from symoden.shapes import Inputs, Scalar
 
 Field: TypeAlias = Callable[[Scalar, PyTree, Inputs], PyTree]
 

@@ -5,10 +5,10 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..blocks import AbstractBlock, Known, Perceptron
-from ..mechanics import AbstractDynamics
-from ..shapes import Coordinates, Inputs, Observation, Rates, Scalar, State
-from ..spaces import Space
+from symoden.blocks import AbstractBlock, Known, Perceptron
+from symoden.mechanics import AbstractDynamics
+from symoden.shapes import Coordinates, Inputs, Observation, Rates, Scalar, State
+from symoden.spaces import Space
 
 
 @final

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray
 
-from ..blocks import (
+from symoden.blocks import (
     AbstractBlock,
     AbstractFriction,
     AbstractFunction,
@@ -27,8 +27,9 @@ from ..blocks import (
     ViscousFriction,
     identity_triangle,
 )
-from ..mechanics import AbstractDynamics
-from ..spaces import Space
+from symoden.mechanics import AbstractDynamics
+from symoden.spaces import Space
+
 from ._baselines import GeometricModel, NaiveModel
 from ._scales import Scales
 from ._structured import StructuredModel
@@ -221,16 +222,12 @@ class _Maker:
         base = 0.3 * identity_triangle(size)
         # On the full state, D takes (∂H/∂q, ∂H/∂p) = (force, velocity) to (velocity, force).
         unit = np.sqrt(np.concatenate([s.velocity / s.force, s.force / s.velocity])[-size:])
-        viscous = CholeskyBlock(
-            function=self._function(self.config.friction, size * (size + 1) // 2, base=base, key=key),
-            scale=_known(unit),
-        )
+        viscous = self._function(self.config.friction, size * (size + 1) // 2, base=base, key=key)
         if not self.config.knees:
-            return ViscousFriction(viscous)
-        laws = JointFriction.laws(self.config.knees)
+            return ViscousFriction(CholeskyBlock(function=viscous, scale=_known(unit)))
         return JointFriction(
             viscous=viscous,
-            coefficients=jnp.full((n, laws), 0.1, float),
+            coefficients=jnp.zeros((n, JointFriction.laws(self.config.knees)), float),
             scale=_known(unit),
             speed=_known(s.velocity),
             knees=self.config.knees,
@@ -267,7 +264,9 @@ class _Maker:
         spread = np.concatenate([self.scales.spread, *others])
         return np.concatenate([self.scales.center, np.zeros(len(spread) - len(self.scales.center))]), spread
 
-    def _perceptron(self, sizes: tuple[int, ...], center: np.ndarray, scale: np.ndarray, *, key: PRNGKeyArray) -> Perceptron:
+    def _perceptron(
+        self, sizes: tuple[int, ...], center: np.ndarray, scale: np.ndarray, *, key: PRNGKeyArray
+    ) -> Perceptron:
         network = Perceptron.init(sizes, activation=self.config.activation, key=key)
         return Perceptron(network.weights, network.biases, _known(center), _known(scale), network.activation)
 

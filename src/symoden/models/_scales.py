@@ -1,11 +1,10 @@
 """Natural units of a mechanism, so that networks read and write numbers of order one whatever the data's units."""
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
-from ..spaces import Space
+from symoden.spaces import Space
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +28,7 @@ class Scales:
     time: float
 
     @classmethod
-    def units(cls, space: Space, inputs: int) -> Self:
+    def units(cls, space: Space, inputs: int) -> "Scales":
         """All ones: the data's own units, as in the paper.
 
         Args:

@@ -5,10 +5,10 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..blocks import AbstractBlock, AbstractFriction
-from ..mechanics import AbstractMechanical
-from ..shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities
-from ..spaces import Space
+from symoden.blocks import AbstractBlock, AbstractFriction
+from symoden.mechanics import AbstractMechanical
+from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities
+from symoden.spaces import Space
 
 
 @final

@@ -6,10 +6,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..blocks import AbstractBlock, AbstractFriction, Known, Perceptron
-from ..mechanics import AbstractPortHamiltonian
-from ..shapes import Coordinates, DissipationMatrix, InputMatrix, Momenta, Scalar, SquareMatrix, Velocities
-from ..spaces import Space
+from symoden.blocks import AbstractBlock, AbstractFriction, Known, Perceptron
+from symoden.mechanics import AbstractPortHamiltonian
+from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Momenta, Scalar, SquareMatrix, Velocities
+from symoden.spaces import Space
 
 
 @final

@@ -1,0 +1,119 @@
+"""Blocks: fields on the configuration space, in physical units, made of functions or given."""
+
+import abc
+from collections.abc import Callable
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from symoden.shapes import Coordinates, Scalar, SquareMatrix
+
+from ._functions import AbstractFunction
+from ._known import Known
+from ._triangles import lower_triangle
+
+
+class AbstractBlock(eqx.Module):
+    """Field on the configuration space in physical units: M⁻¹, V, g or viscous friction."""
+
+    @abc.abstractmethod
+    def __call__(self, q: Coordinates) -> Float[Array, "..."]:
+        """Value at the configuration `q`."""
+
+
+@final
+class KnownValue(AbstractBlock):
+    """A given constant.
+
+    Attributes:
+        value: The constant in physical units.
+    """
+
+    value: Known
+
+    def __call__(self, q: Coordinates) -> Float[Array, "..."]:
+        """The constant, whatever `q` is."""
+        del q
+        return self.value.value
+
+
+@final
+class KnownFunction(AbstractBlock):
+    """A given function of the configuration.
+
+    Attributes:
+        function: Maps q to the value in physical units. It is code, hence not saved with a model.
+    """
+
+    function: Callable[[Coordinates], Float[Array, "..."]] = eqx.field(static=True)
+
+    def __call__(self, q: Coordinates) -> Float[Array, "..."]:
+        """Value at the configuration `q`."""
+        return self.function(q)
+
+
+@final
+class ScalarBlock(AbstractBlock):
+    """A scalar field, such as the potential energy.
+
+    Attributes:
+        function: Gives one coefficient.
+        scale: Physical unit of the coefficient.
+    """
+
+    function: AbstractFunction
+    scale: Known
+
+    def __call__(self, q: Coordinates) -> Scalar:
+        """Value at `q`."""
+        return self.scale.value * self.function(q)[0]
+
+
+@final
+class MatrixBlock(AbstractBlock):
+    """A matrix field, such as the input matrix.
+
+    Attributes:
+        function: Gives the entries, row by row.
+        scale: Physical unit of each entry; its shape is the matrix's.
+    """
+
+    function: AbstractFunction
+    scale: Known
+
+    def __call__(self, q: Coordinates) -> Float[Array, "n m"]:
+        """Matrix at `q`."""
+        scale = self.scale.value
+        return scale * self.function(q).reshape(scale.shape)
+
+
+@final
+class CholeskyBlock(AbstractBlock):
+    """A symmetric matrix field S (L Lᵀ + ε I) S, positive definite for ε > 0 and semidefinite for ε = 0.
+
+    Attributes:
+        function: Gives the entries of the lower triangle L, row by row.
+        scale: Diagonal of S: square roots of the physical units.
+        floor: The constant ε that bounds the scaled eigenvalues from below.
+    """
+
+    function: AbstractFunction
+    scale: Known
+    floor: float = eqx.field(static=True, default=0.0)
+
+    def __check_init__(self) -> None:
+        """Refuse a negative floor.
+
+        Raises:
+            ValueError: If `floor` is negative, for the matrix could then be indefinite.
+        """
+        if self.floor < 0:
+            raise ValueError(f"`floor` must be at least 0; got {self.floor}.")
+
+    def __call__(self, q: Coordinates) -> SquareMatrix:
+        """Matrix at `q`."""
+        scale = self.scale.value
+        factor = scale[:, None] * lower_triangle(self.function(q), size=scale.shape[0])
+        return factor @ factor.T + jnp.diag(self.floor * scale**2)

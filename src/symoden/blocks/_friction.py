@@ -1,0 +1,93 @@
+"""Friction: dissipation matrices of configuration and velocity, passive by construction."""
+
+import abc
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from symoden.shapes import Coordinates, DissipationMatrix, Velocities
+
+from ._fields import AbstractBlock
+from ._functions import AbstractFunction
+from ._known import Known
+from ._triangles import lower_triangle
+
+
+class AbstractFriction(eqx.Module):
+    """Dissipation matrix as a function of configuration and velocity, positive semidefinite by construction."""
+
+    @abc.abstractmethod
+    def __call__(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
+        """Matrix at the configuration `q` and the velocity `v`."""
+
+
+@final
+class ViscousFriction(AbstractFriction):
+    """Friction D(q) that does not depend on the velocity; n × n on the momenta, or the paper's full 2n × 2n.
+
+    Attributes:
+        matrix: The block D(q).
+    """
+
+    matrix: AbstractBlock
+
+    def __call__(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
+        """Matrix at the configuration `q`, whatever `v` is."""
+        del v
+        return self.matrix(q)
+
+
+@final
+class JointFriction(AbstractFriction):
+    """Friction D(q, v) = S L Lᵀ S of viscous, dry and quadratic parts, passive by construction.
+
+    The factor is L(q, v) = B(q) + diag ℓ(v): a lower triangle that may depend on the configuration, and each joint's own
+    law. With w = vᵢ / `speed`ᵢ, ℓᵢ = Σₖ cᵢₖ ψₖ(w). Squared, ψₖ = (1 + (w/wₖ)²)^(−1/4) is dry (Coulomb) friction
+    smoothed below the speed wₖ, (1 + (w/wₖ)²)^(−1/2) its excess at low speed (Stribeck), and (1 + w²)^(1/4) − 1
+    quadratic drag. The coefficients are free in sign, which keeps least squares on them well behaved: with
+    squared coefficients cᵢₖ² Levenberg-Marquardt stalled.
+
+    Attributes:
+        viscous: Entries of the lower triangle B(q), row by row.
+        coefficients: The cᵢₖ, a row for each joint.
+        scale: Diagonal of S: square roots of the physical units.
+        speed: Typical speed of each joint.
+        knees: The wₖ.
+
+    References:
+        Armstrong-Hélouvry, Dupont & Canudas de Wit (1994), *A survey of models, analysis tools and compensation
+        methods for the control of machines with friction*, Automatica 30(7), for the shapes of dry friction.
+    """
+
+    viscous: AbstractFunction
+    coefficients: Float[Array, "n k"]
+    scale: Known
+    speed: Known
+    knees: tuple[float, ...] = eqx.field(static=True)
+
+    @staticmethod
+    def laws(knees: tuple[float, ...]) -> int:
+        """Number of coefficients of each joint."""
+        return 2 * len(knees) + 1
+
+    def __call__(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
+        """Matrix at the configuration `q` and the velocity `v`."""
+        w = v / self.speed.value
+        knee = 1 + (w[:, None] / jnp.asarray(self.knees, w.dtype)) ** 2
+        shapes = jnp.concatenate([knee**-0.25, knee**-0.5, ((1 + w**2) ** 0.25 - 1)[:, None]], axis=1)
+        joint = jnp.sum(self.coefficients * shapes, axis=1)
+        triangle = lower_triangle(self.viscous(q), size=w.shape[0]) + jnp.diag(joint)
+        factor = self.scale.value[:, None] * triangle
+        return factor @ factor.T
+
+
+@final
+class NoFriction(AbstractFriction):
+    """The zero matrix of a conservative system."""
+
+    def __call__(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
+        """Zero matrix of the size of `q`."""
+        del v
+        return jnp.zeros((q.shape[0], q.shape[0]), q.dtype)

@@ -1,0 +1,161 @@
+"""Functions from a configuration to coefficients: networks of the embedded coordinates, learned constants, sums."""
+
+import abc
+from collections.abc import Callable
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from symoden.shapes import Coordinates
+from symoden.spaces import Space
+
+from ._known import Known
+
+Coefficients = Float[Array, " k"]
+
+ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
+    "tanh": jnp.tanh,
+    "silu": jax.nn.silu,
+    "gelu": jax.nn.gelu,
+    "softplus": jax.nn.softplus,
+    "sin": jnp.sin,
+}
+
+
+class AbstractFunction(eqx.Module):
+    """Map from a configuration to a vector of coefficients."""
+
+    @abc.abstractmethod
+    def __call__(self, q: Coordinates) -> Coefficients:
+        """Coefficients at the configuration `q`."""
+
+
+@final
+class Perceptron(eqx.Module):
+    """Fully connected network with standardised inputs and a linear last layer.
+
+    Attributes:
+        weights: Matrices (inputs, outputs) of the layers.
+        biases: Offsets of the layers.
+        center: Subtracted from the input.
+        scale: Divides the centred input.
+        activation: Name of the nonlinearity, a key of `ACTIVATIONS`.
+    """
+
+    weights: tuple[Float[Array, "_ _"], ...]
+    biases: tuple[Float[Array, " _"], ...]
+    center: Known
+    scale: Known
+    activation: str = eqx.field(static=True)
+
+    def __check_init__(self) -> None:
+        """Refuse an unknown nonlinearity.
+
+        Raises:
+            ValueError: If `activation` is no key of `ACTIVATIONS`.
+        """
+        if self.activation not in ACTIVATIONS:
+            raise ValueError(f"`activation` must be one of {', '.join(ACTIVATIONS)}; got {self.activation!r}.")
+
+    @classmethod
+    def init(
+        cls, sizes: tuple[int, ...], *, activation: str = "silu", last: float = 1.0, key: PRNGKeyArray
+    ) -> "Perceptron":
+        """Draw orthogonal weights and zero biases.
+
+        Args:
+            sizes: Widths of the layers, from the input to the output.
+            activation: Name of the nonlinearity.
+            last: Factor on the last layer's weights; 0 makes the network start as zero.
+            key: Source of the weights.
+
+        Returns:
+            The network, its inputs not standardised.
+        """
+        keys = jax.random.split(key, len(sizes) - 1)
+        orthogonal = jax.nn.initializers.orthogonal()
+        weights = [
+            orthogonal(k, shape, float) for k, shape in zip(keys, zip(sizes, sizes[1:], strict=False), strict=True)
+        ]
+        weights[-1] = last * weights[-1]
+        return cls(
+            weights=tuple(weights),
+            biases=tuple(jnp.zeros(size, float) for size in sizes[1:]),
+            center=Known(jnp.zeros(sizes[0], float)),
+            scale=Known(jnp.ones(sizes[0], float)),
+            activation=activation,
+        )
+
+    def __call__(self, z: Float[Array, " i"]) -> Float[Array, " o"]:
+        """Output of the last layer for one input vector."""
+        activate = ACTIVATIONS[self.activation]
+        z = (z - self.center.value) / self.scale.value
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            z = activate(z @ weight + bias)
+        return z @ self.weights[-1] + self.biases[-1]
+
+
+@final
+class Network(AbstractFunction):
+    """Perceptron of the embedded coordinates: 2π-periodic in every angle.
+
+    Attributes:
+        space: Configuration space.
+        perceptron: Network on the embedding.
+    """
+
+    space: Space
+    perceptron: Perceptron
+
+    def __call__(self, q: Coordinates) -> Coefficients:
+        """Coefficients at the configuration `q`."""
+        return self.perceptron(self.space.embed(q))
+
+
+@final
+class Constant(AbstractFunction):
+    """Learned coefficients that do not depend on the configuration.
+
+    Attributes:
+        values: The coefficients.
+    """
+
+    values: Coefficients
+
+    def __call__(self, q: Coordinates) -> Coefficients:
+        """The coefficients, whatever `q` is."""
+        del q
+        return self.values
+
+
+@final
+class Correction(AbstractFunction):
+    """A function that starts at zero and stays frozen until validation data ask for it (see `trainable`).
+
+    Attributes:
+        function: What is added once it is set free.
+    """
+
+    function: AbstractFunction
+
+    def __call__(self, q: Coordinates) -> Coefficients:
+        """Coefficients at the configuration `q`."""
+        return self.function(q)
+
+
+@final
+class Sum(AbstractFunction):
+    """Sum of functions, such as a learned constant and its correction.
+
+    Attributes:
+        terms: What is added.
+    """
+
+    terms: tuple[AbstractFunction, ...]
+
+    def __call__(self, q: Coordinates) -> Coefficients:
+        """Coefficients at the configuration `q`."""
+        return sum((term(q) for term in self.terms[1:]), start=self.terms[0](q))

@@ -1,0 +1,23 @@
+"""Arrays that are given."""
+
+from typing import final
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float
+
+
+@final
+class Known(eqx.Module):
+    """An array that training leaves alone: a unit's scale, a given input matrix.
+
+    Attributes:
+        array: The value.
+    """
+
+    array: Float[Array, "..."]
+
+    @property
+    def value(self) -> Float[Array, "..."]:
+        """The array, cut off from differentiation."""
+        return jax.lax.stop_gradient(self.array)

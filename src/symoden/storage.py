@@ -1,0 +1,111 @@
+"""Files that are whole or absent: written beside their target, flushed, then renamed; read without running code."""
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors
+import safetensors.numpy
+
+_KEY = "symoden"
+_LARGEST_FILE = 2**31
+
+
+class StorageError(ValueError):
+    """A file could not be written or is not what it must be; nothing saved before is lost."""
+
+
+def write_atomically(path: Path | str, data: bytes) -> None:
+    """Write a file so that, whatever happens, either the old one or the whole new one is there.
+
+    Args:
+        path: The target; its folder is made if absent.
+        data: Its contents.
+
+    Raises:
+        StorageError: If it cannot be written, for example because the disk is full.
+    """
+    path = Path(path)
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+            temporary = Path(file.name)
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
+        raise StorageError(
+            f"`{path}` must be writable; the system says: {error.strerror or error}. "
+            "What was there before is unchanged; free some space or choose another folder."
+        ) from error
+
+
+def save_arrays(path: Path | str, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:
+    """Write arrays with metadata as one safetensors file, with a digest of both.
+
+    Args:
+        path: The target.
+        arrays: Arrays by name.
+        metadata: What JSON can express.
+
+    Raises:
+        StorageError: If the file cannot be written.
+    """
+    contents = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    text = json.dumps(dict(metadata), sort_keys=True)
+    header = {_KEY: text, "sha256": _digest(contents, text)}
+    write_atomically(path, safetensors.numpy.save(contents, metadata=header))
+
+
+def load_arrays(path: Path | str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Read what `save_arrays` wrote.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Arrays by name, and the metadata.
+
+    Raises:
+        StorageError: If the file is absent, truncated, changed since it was written, or not one of ours.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise StorageError(f"`{path}` must be a file that symoden wrote; there is none. Check the path.")
+    if path.stat().st_size > _LARGEST_FILE:
+        raise StorageError(f"`{path}` must be smaller than 2 GiB; got {path.stat().st_size} bytes.")
+    try:
+        with safetensors.safe_open(path, framework="numpy") as file:
+            header = file.metadata() or {}
+            arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a mapping
+    except (safetensors.SafetensorError, OSError, ValueError, TypeError) as error:
+        raise StorageError(
+            f"`{path}` must be a whole safetensors file; it is truncated or damaged ({error}). Restore or retrain it."
+        ) from error
+    text = header.get(_KEY)
+    if text is None:
+        raise StorageError(f"`{path}` must have been written by symoden; its metadata have no entry `{_KEY}`.")
+    if header.get("sha256") != _digest(arrays, text):
+        raise StorageError(f"`{path}` was changed after it was written: its digest differs. Restore or retrain it.")
+    return arrays, json.loads(text)
+
+
+def _digest(arrays: Mapping[str, np.ndarray], text: str) -> str:
+    """SHA-256 of the metadata and of every array's name, type, shape and contents."""
+    digest = hashlib.sha256(text.encode())
+    for name in sorted(arrays):
+        array = arrays[name]
+        digest.update(f"{name} {array.dtype} {array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,73 @@
+"""Settings of training."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig:
+    """Settings of training; the defaults were chosen by measurement (see `benchmarks/`).
+
+    Attributes:
+        seed: Source of the initial weights and of the batches.
+        validation: Share of the training recordings to hold out for validation; 0 holds none out.
+        horizon: Steps that Adam predicts from each start point; chosen from the data's time scale if None.
+        substeps: RK4 steps in each sampling interval while Adam runs.
+        adam_steps: Number of Adam's steps.
+        batch_size: Windows in one of Adam's steps.
+        shuffle: Draw windows at random; otherwise take consecutive blocks in turn, as the paper does.
+        learning_rate: Adam's first learning rate.
+        cosine: Let the learning rate fall to zero along a cosine.
+        clip: Largest norm of the gradient; None for no limit.
+        weight_decay: Factor of the L2 term in the gradient.
+        scaled_loss: Weigh each channel by the spread of its change over a window; the paper weighs all alike.
+        lm_steps: Largest number of Levenberg-Marquardt steps; 0 leaves the phase out.
+        lm_horizon: Steps that Levenberg-Marquardt predicts; chosen from the data's time scale if None.
+        lm_substeps: RK4 steps in each sampling interval then; chosen by their error if None.
+        damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
+        prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance.
+        patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
+        growth_steps: Further steps in which the blocks' corrections are free; kept if validation gains.
+    """
+
+    seed: int = 0
+    validation: float = 0.1
+    horizon: int | None = None
+    substeps: int = 1
+    adam_steps: int = 1000
+    batch_size: int = 256
+    shuffle: bool = True
+    learning_rate: float = 1e-2
+    cosine: bool = True
+    clip: float | None = 1.0
+    weight_decay: float = 0.0
+    scaled_loss: bool = True
+    lm_steps: int = 20
+    lm_horizon: int | None = None
+    lm_substeps: int | None = None
+    damping: float = 1e-4
+    prior: float = 1.0
+    patience: int = 4
+    growth_steps: int = 6
+
+    def __post_init__(self) -> None:
+        """Refuse settings that cannot train.
+
+        Raises:
+            ValueError: If a count is below its least value, or a share is out of range.
+        """
+        least = {"substeps": 1, "adam_steps": 0, "batch_size": 1, "lm_steps": 0, "patience": 1, "growth_steps": 0}
+        for name, bound in least.items():
+            if getattr(self, name) < bound:
+                raise ValueError(f"`{name}` must be at least {bound}; got {getattr(self, name)}.")
+        for name in ("horizon", "lm_horizon", "lm_substeps"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise ValueError(f"`{name}` must be at least 1, or None to choose it from the data; got {value}.")
+        if not 0 <= self.validation < 1:
+            raise ValueError(f"`validation` must be at least 0 and below 1; got {self.validation}.")
+        if self.learning_rate <= 0 or self.damping <= 0:
+            raise ValueError(
+                f"`learning_rate` and `damping` must be positive; got {self.learning_rate} and {self.damping}."
+            )
+        if self.weight_decay < 0 or self.prior < 0:
+            raise ValueError(f"`weight_decay` and `prior` must be at least 0; got {self.weight_decay}, {self.prior}.")

@@ -1,0 +1,52 @@
+"""A model as one vector of its trainable parameters, and back."""
+
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float, PyTree
+
+from symoden.blocks import trainable
+
+
+@final
+class Flattening(eqx.Module):
+    """Restores a model from the vector of its free parameters.
+
+    Attributes:
+        fixed: The model with None in place of its free parameters.
+        structure: Tree of the free parameters.
+        shapes: Their shapes, in the order of the vector.
+    """
+
+    fixed: PyTree
+    structure: Any = eqx.field(static=True)
+    shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, model: PyTree, *, corrections: bool, dtype: DTypeLike = float) -> tuple[Float[Array, " P"]]:
+        """Split a model.
+
+        Args:
+            model: Any tree of modules.
+            corrections: Whether terms marked as `Correction` are free.
+            dtype: Precision of the vector and of the arrays that stay.
+
+        Returns:
+            What restores the model, and its free parameters.
+        """
+        free, fixed = eqx.partition(model, trainable(model, corrections=corrections))
+        fixed = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, fixed)
+        leaves, structure = jax.tree.flatten(free)
+        theta = jnp.concatenate([jnp.ravel(leaf).astype(dtype) for leaf in leaves])
+        return cls(fixed, structure, tuple(leaf.shape for leaf in leaves)), theta
+
+    def __call__(self, theta: Float[Array, " P"]) -> PyTree:
+        """Model with these parameters."""
+        ends = np.cumsum([int(np.prod(shape)) for shape in self.shapes])
+        parts = jnp.split(theta, ends[:-1])
+        leaves = [part.reshape(shape) for part, shape in zip(parts, self.shapes, strict=True)]
+        return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.fixed)

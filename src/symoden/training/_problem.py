@@ -1,0 +1,104 @@
+"""What training minimises: the squared error of short rollouts from measured states."""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float
+
+from symoden.data import Windows
+from symoden.integrate import AbstractSolver, Hold, rollout
+from symoden.mechanics import AbstractDynamics
+from symoden.shapes import Scalar
+
+
+class Batch(NamedTuple):
+    """Windows as arrays on the device; the first axis counts windows, and is absent in functions of one window.
+
+    Attributes:
+        ts: Times since the start of the window [s].
+        q: Measured coordinates.
+        rates: Measured velocities or momenta.
+        us: Inputs.
+    """
+
+    ts: Float[Array, "*B h+1"]
+    q: Float[Array, "*B h+1 n"]
+    rates: Float[Array, "*B h+1 n"]
+    us: Float[Array, "*B h+1 m"]
+
+    @classmethod
+    def of(cls, windows: Windows, dtype: DTypeLike = float) -> "Batch":
+        """Put windows on the device in the given precision."""
+        return cls(*(jnp.asarray(x, dtype) for x in (windows.ts, windows.q, windows.rates, windows.us)))
+
+    def take(self, index: Array | slice) -> "Batch":
+        """Choose windows."""
+        return jax.tree.map(lambda x: x[index], self)
+
+    def astype(self, dtype: DTypeLike) -> "Batch":
+        """Change the precision."""
+        return jax.tree.map(lambda x: x.astype(dtype), self)
+
+
+class Objective(eqx.Module):
+    """How a rollout is compared with a window.
+
+    Attributes:
+        weights: Factor on the error of every observed channel (embedded coordinates, then rates).
+        solver: Advances the state between samples.
+        hold: How inputs act between samples.
+    """
+
+    weights: Float[Array, " o"]
+    solver: AbstractSolver
+    hold: Hold = eqx.field(static=True)
+
+    def residuals(self, dynamics: AbstractDynamics, window: Batch) -> Float[Array, "h o"]:
+        """Weighted errors of the predicted samples of one window; its first sample is where the rollout starts."""
+        path = rollout(dynamics, window.q[0], window.rates[0], window.ts, window.us, solver=self.solver, hold=self.hold)
+        measured = jnp.concatenate([jax.vmap(dynamics.space.embed)(window.q), window.rates], axis=1)
+        return self.weights.astype(measured.dtype) * (path.observations - measured)[1:]
+
+    def loss(self, dynamics: AbstractDynamics, batch: Batch) -> Scalar:
+        """Mean of the squared residuals over a batch of windows."""
+        return jnp.mean(jax.vmap(lambda window: self.residuals(dynamics, window))(batch) ** 2)
+
+
+@eqx.filter_jit
+def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512) -> Scalar:
+    """Loss over any number of windows in bounded memory; the chunk's size changes it by rounding alone.
+
+    Args:
+        dynamics: Model.
+        objective: How rollouts are compared with windows.
+        batch: Windows.
+        chunk: Number of windows rolled out at once.
+
+    Returns:
+        Mean of the squared residuals.
+    """
+
+    def squared(window: Batch) -> Scalar:
+        return jnp.mean(objective.residuals(dynamics, window) ** 2)
+
+    return jnp.mean(jax.lax.map(squared, batch, batch_size=min(chunk, batch.ts.shape[0])))
+
+
+def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:
+    """Inverse of the spread of what a rollout has to predict, the change of each channel over a window.
+
+    Args:
+        batch: Windows.
+        dynamics: Model, for its space.
+
+    Returns:
+        Weight of every observed channel.
+    """
+    embedded = jax.vmap(jax.vmap(dynamics.space.embed))(batch.q)
+    observed = np.asarray(jnp.concatenate([embedded, batch.rates], axis=-1))
+    spread = np.sqrt(np.mean((observed[:, 1:] - observed[:, :1]) ** 2, axis=(0, 1)))
+    return 1 / np.maximum(spread, 1e-6 * max(float(spread.max()), 1e-300))

@@ -1,0 +1,62 @@
+"""Natural units of a mechanism, read off its recordings."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from symoden.data import Trajectory
+from symoden.models import Scales
+from symoden.spaces import Space
+
+
+def measure_scales(
+    trajectories: Sequence[Trajectory], space: Space, *, momenta: bool, input_matrix: np.ndarray | None = None
+) -> Scales:
+    """Typical magnitudes of coordinates, rates, inputs and time.
+
+    Velocities in momentum data are differences of the coordinates. With velocity data the unit of momentum is free
+    (the gauge); a known input matrix fixes it through the unit of force, otherwise energies are of order one.
+
+    Args:
+        trajectories: Training recordings.
+        space: Configuration space of n coordinates.
+        momenta: Whether the rates are momenta.
+        input_matrix: Known g (n × m), if any.
+
+    Returns:
+        The scales; a coordinate or input that never moves has unit scale.
+    """
+    lengths = np.concatenate([trajectory.q for trajectory in trajectories])[:, space.lengths]
+    circles = np.zeros(space.embedded_size - lengths.shape[1])
+    rates = np.concatenate([trajectory.rates for trajectory in trajectories])
+    slopes = np.concatenate([np.diff(t.q, axis=0) / np.diff(t.ts)[:, None] for t in trajectories])
+    changes = np.concatenate([np.diff(t.rates, axis=0) / np.diff(t.ts)[:, None] for t in trajectories])
+    us = np.concatenate([trajectory.us for trajectory in trajectories])
+    velocity = _rms(slopes if momenta else rates)
+    time = float(np.median(_rms(rates) / _rms(changes)))
+    inputs = _rms(us)
+    if momenta:
+        momentum = _rms(rates)
+    elif input_matrix is not None and np.any(input_matrix):
+        power = float(np.sum(velocity[:, None] * np.abs(input_matrix) * inputs))
+        momentum = power * time / (np.count_nonzero(np.any(input_matrix, axis=1)) * velocity)
+    else:
+        momentum = 1 / velocity
+    return Scales(
+        center=np.concatenate([lengths.mean(axis=0), circles]),
+        spread=np.concatenate([_or_one(lengths.std(axis=0)), circles + 1]),
+        velocity=velocity,
+        momentum=momentum,
+        input=inputs,
+        time=time,
+    )
+
+
+def _rms(samples: np.ndarray) -> np.ndarray:
+    """Root mean square of every column; 1 where it vanishes."""
+    return _or_one(np.sqrt(np.mean(samples**2, axis=0)))
+
+
+def _or_one(scale: np.ndarray) -> np.ndarray:
+    """Replace zeros, which cannot divide."""
+    return np.where(scale > 0, scale, 1.0)
