@@ -113,7 +113,7 @@ def test_wrapping_keeps_the_configuration_and_brings_angles_near_zero(case):
 def test_a_difference_leads_from_one_configuration_to_the_other(case):
     space, q0, q1 = unpack(case)
     step = space.difference(jnp.asarray(q1), jnp.asarray(q0))
-    assert space.embed(q0 + step) == pytest.approx(np.asarray(space.embed(jnp.asarray(q1))), abs=1e-12)
+    assert space.embed(jnp.asarray(q0) + step) == pytest.approx(np.asarray(space.embed(jnp.asarray(q1))), abs=1e-12)
     assert np.all(np.abs(step[space.angles]) <= np.pi + 1e-12)
     back = space.difference(jnp.asarray(q0), jnp.asarray(q1))
     half_turn = np.asarray(space.is_angle) & (np.abs(np.abs(step) - np.pi) < 1e-9)

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.core import Tracer
 
 from symoden import testing
 from symoden.mechanics import AbstractDynamics, AbstractMechanical
@@ -104,18 +105,18 @@ class Flawed(AbstractMechanical):
 def test_a_flaw_is_found_and_named(flaw, check, message):
     check(Flawed())
     with pytest.raises(AssertionError, match=message):
-        check(Flawed(flaw))
+        check(Flawed(flaw=flaw))
 
 
 @pytest.mark.parametrize("flaw", ["aperiodic", "wrong inverse", "active", "lopsided friction"])
 def test_all_checks_together_find_it_too(flaw):
     testing.check_all(Flawed())
     with pytest.raises(AssertionError):
-        testing.check_all(Flawed(flaw))
+        testing.check_all(Flawed(flaw=flaw))
 
 
 def test_an_energy_that_does_not_fit_the_motion_is_found():
-    class Leaky(Pendulum):
+    class Leaky(Pendulum):  # pyright: ignore[reportGeneralTypeIssues]
         def vector_field(self, q, p, u):
             return 3 * p, -jnp.sin(q) + u
 
@@ -136,7 +137,7 @@ class Mass(AbstractDynamics):
         return jnp.concatenate([q, 0 * rates if self.flaw == "forgetful" else rates])
 
     def derivative(self, t, state, u):
-        force = -2 * state[:1] if self.flaw == "plain" and not isinstance(state, jax.core.Tracer) else -state[:1]
+        force = -2 * state[:1] if self.flaw == "plain" and not isinstance(state, Tracer) else -state[:1]
         return jnp.concatenate([self.double_in_batches(state[1:]) if self.flaw == "batch" else state[1:], force + u])
 
     def decode(self, state):
@@ -168,9 +169,9 @@ def test_other_dynamics_are_checked_where_that_applies():
 )
 def test_flaws_of_other_dynamics_are_found(flaw, message):
     with pytest.raises(AssertionError, match=message):
-        testing.check_all(Mass(flaw))
+        testing.check_all(Mass(flaw=flaw))
 
 
 def test_the_batch_check_alone_finds_a_batch_that_differs():
     with pytest.raises(AssertionError, match="must be the same in a batch and alone"):
-        testing.check_batching(Mass("batch"))
+        testing.check_batching(Mass(flaw="batch"))

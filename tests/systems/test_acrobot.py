@@ -1,5 +1,7 @@
 """Acrobot: Gymnasium, inputs, refusals."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -39,10 +41,10 @@ def test_torques_act_at_their_joints():
 @pytest.mark.parametrize("name", ["masses", "lengths", "centres", "inertias"])
 def test_sizes_must_be_positive(name):
     with pytest.raises(ValueError, match=rf"`{name}\[1\]` must be positive; got 0"):
-        Acrobot(**{name: (1.0, 0.0)})
+        dataclasses.replace(Acrobot(), **{name: (1.0, 0.0)})
 
 
 @pytest.mark.parametrize(("name", "value"), [("gravity", -1.0), ("dampings", (-1.0, 0.0))])
 def test_friction_and_gravity_must_not_be_negative(name, value):
     with pytest.raises(ValueError, match=rf"`{name}.*` must be at least 0; got -1.0"):
-        Acrobot(**{name: value})
+        dataclasses.replace(Acrobot(), **{name: value})

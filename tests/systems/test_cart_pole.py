@@ -1,5 +1,7 @@
 """Cart-pole: Gymnasium, inputs, refusals."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import pytest
@@ -40,10 +42,10 @@ def test_the_force_acts_on_the_cart_and_the_torque_on_the_pole():
 @pytest.mark.parametrize("name", ["cart_mass", "pole_mass", "half_length"])
 def test_sizes_must_be_positive(name):
     with pytest.raises(ValueError, match=f"`{name}` must be positive; got 0"):
-        CartPole(**{name: 0.0})
+        dataclasses.replace(CartPole(), **{name: 0.0})
 
 
 @pytest.mark.parametrize("name", ["gravity", "cart_damping", "pole_damping"])
 def test_friction_and_gravity_must_not_be_negative(name):
     with pytest.raises(ValueError, match=f"`{name}` must be at least 0; got -1.0"):
-        CartPole(**{name: -1.0})
+        dataclasses.replace(CartPole(), **{name: -1.0})

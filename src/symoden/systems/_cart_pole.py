@@ -42,8 +42,8 @@ class CartPole(AbstractMechanical):
         Zhong, Dey & Chakraborty (2020), *Dissipative SymODEN*, section 4.4: the values of the defaults.
 
     Example:
-        >>> CartPole().mass_matrix(jnp.zeros(2)).round(4).tolist()
-        [[1.0, 0.25], [0.25, 0.1667]]
+        >>> CartPole().mass_matrix(jnp.zeros(2))[0].tolist()
+        [1.0, 0.25]
     """
 
     cart_mass: Parameter = 0.5

@@ -39,7 +39,7 @@ class Pendulum(AbstractMechanical):
         Gymnasium, `Pendulum-v1`: q̈ = 3 g/(2 l) sin q + 3/(m l²) u.
 
     Example:
-        >>> float(Pendulum().potential_energy(jnp.array([jnp.pi])).round(4))
+        >>> round(float(Pendulum().potential_energy(jnp.array([jnp.pi]))), 4)
         9.81
     """
 
