@@ -8,7 +8,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree
+from jaxtyping import Array, Int, PyTree
 
 from symoden.shapes import Inputs, Scalar
 
@@ -28,10 +28,11 @@ class RK4(AbstractSolver):
     """The classical Runge-Kutta method of order four with a fixed number of steps in each sampling interval.
 
     Attributes:
-        substeps: Number of steps; more of them where friction is stiff.
+        substeps: Number of steps; more of them where friction is stiff. An integer array instead of an `int` lets it
+            change without compiling again, but then reverse-mode differentiation does not reach through.
     """
 
-    substeps: int = eqx.field(static=True, default=1)
+    substeps: int | Int[Array, ""] = 1
 
     def __check_init__(self) -> None:
         """Refuse an interval without steps.
@@ -39,19 +40,20 @@ class RK4(AbstractSolver):
         Raises:
             ValueError: If `substeps` is below 1.
         """
-        if self.substeps < 1:
+        if isinstance(self.substeps, int) and self.substeps < 1:
             raise ValueError(f"`substeps` must be at least 1; got {self.substeps}.")
 
     def step(self, field: Field, state: PyTree, t0: Scalar, t1: Scalar, u0: Inputs, u1: Inputs) -> PyTree:
         """State at `t1`."""
-        h = (t1 - t0) / self.substeps
+        count = jnp.asarray(self.substeps, t0.dtype)
+        h = (t1 - t0) / count
 
         def add(x: PyTree, k: PyTree, factor: Scalar) -> PyTree:
             return jax.tree.map(lambda a, b: a + factor * b, x, k)
 
         def one(x: PyTree, start: Scalar) -> PyTree:
             def slope(x: PyTree, offset: Scalar | float) -> PyTree:
-                share = (start + offset) / self.substeps
+                share = (start + offset) / count
                 return field(t0 + (start + offset) * h, x, u0 + share * (u1 - u0))
 
             k1 = slope(x, 0.0)
@@ -60,10 +62,9 @@ class RK4(AbstractSolver):
             k4 = slope(add(x, k3, h), 1.0)
             return jax.tree.map(lambda x, a, b, c, d: x + h / 6 * (a + 2 * b + 2 * c + d), x, k1, k2, k3, k4)
 
-        if self.substeps == 1:
+        if isinstance(self.substeps, int) and self.substeps == 1:
             return one(state, jnp.zeros_like(t0))
-        starts = jnp.arange(self.substeps, dtype=t0.dtype)
-        return jax.lax.scan(lambda x, start: (one(x, start), None), state, starts)[0]
+        return jax.lax.fori_loop(0, self.substeps, lambda i, x: one(x, i.astype(t0.dtype)), state)
 
 
 @final

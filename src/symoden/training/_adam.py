@@ -1,12 +1,12 @@
 """First-order training: Adam on random batches of windows, many steps compiled as one call."""
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
 from symoden.shapes import Scalar
 
@@ -48,23 +48,41 @@ def adam(
     return optax.chain(decay, clipping, optax.adam(rate))
 
 
-def start_adam(optimizer: optax.GradientTransformation, free: PyTree) -> AdamState:
-    """State before the first step."""
-    return AdamState(free, optimizer.init(free), jnp.zeros((), int))
+@final
+class Sampler(eqx.Module):
+    """Chooses the windows of every step by the step's number alone, so that a resumed run draws the same ones.
+
+    Attributes:
+        windows: All training windows.
+        seed: Of the whole training.
+        size: Windows in a step.
+        shuffle: Draw them at random; otherwise take consecutive blocks in turn, as the paper does with the windows of
+            one input.
+    """
+
+    windows: Batch
+    seed: Int[Array, ""]
+    size: int = eqx.field(static=True)
+    shuffle: bool = eqx.field(static=True)
+
+    def draw(self, step: Int[Array, ""]) -> Batch:
+        """Windows of one step."""
+        total = self.windows.ts.shape[0]
+        if self.shuffle:
+            key = jax.random.fold_in(jax.random.key(self.seed), step)
+            return self.windows.take(jax.random.randint(key, (self.size,), 0, total))
+        return self.windows.take((step % (total // self.size)) * self.size + jnp.arange(self.size))
 
 
-@eqx.filter_jit(donate="none")
+@eqx.filter_jit
 def adam_steps(
     state: AdamState,
     fixed: PyTree,
     objective: Objective,
-    batch: Batch,
+    sampler: Sampler,
     optimizer: optax.GradientTransformation,
     *,
     steps: int,
-    batch_size: int,
-    shuffle: bool,
-    key: PRNGKeyArray,
 ) -> tuple[AdamState, Float[Array, " k"]]:
     """Take some steps in one compiled call.
 
@@ -72,30 +90,20 @@ def adam_steps(
         state: Where to start.
         fixed: What is not trained, a model with None for the parameters.
         objective: How rollouts are compared with windows.
-        batch: All training windows.
+        sampler: Chooses the windows.
         optimizer: From `adam`.
         steps: Number of steps to take.
-        batch_size: Windows in a step.
-        shuffle: Draw the windows of every step at random; otherwise take consecutive blocks in turn, as the paper does
-            with the windows of one input.
-        key: Of the whole training; each step folds in its number, so that a resumed run draws the same windows.
 
     Returns:
         The state after the steps and the loss before each of them.
     """
-    total = batch.ts.shape[0]
-    blocks = max(total // batch_size, 1)
 
     def loss(free: PyTree, windows: Batch) -> Scalar:
         return objective.loss(eqx.combine(free, fixed), windows)
 
     def one(state: AdamState, _: None) -> tuple[AdamState, Scalar]:
-        if shuffle:
-            index = jax.random.randint(jax.random.fold_in(key, state.step), (batch_size,), 0, total)
-        else:
-            index = (state.step % blocks) * batch_size + jnp.arange(batch_size)
-        value, gradient = jax.value_and_grad(loss)(state.free, batch.take(index))
-        updates, optimizer_state = optimizer.update(gradient, state.optimizer, state.free)
-        return AdamState(optax.apply_updates(state.free, updates), optimizer_state, state.step + 1), value
+        value, gradient = jax.value_and_grad(loss)(state.free, sampler.draw(state.step))
+        updates, memory = optimizer.update(gradient, state.optimizer, state.free)
+        return AdamState(optax.apply_updates(state.free, updates), memory, state.step + 1), value
 
     return jax.lax.scan(one, state, length=steps)

@@ -19,6 +19,7 @@ class TrainingConfig:
         cosine: Let the learning rate fall to zero along a cosine.
         clip: Largest norm of the gradient; None for no limit.
         weight_decay: Factor of the L2 term in the gradient.
+        keep_best: Keep the model with the least validation loss; otherwise Adam's last one, as in the paper.
         scaled_loss: Weigh each channel by the spread of its change over a window; the paper weighs all alike.
         lm_steps: Largest number of Levenberg-Marquardt steps; 0 leaves the phase out.
         lm_horizon: Steps that Levenberg-Marquardt predicts; chosen from the data's time scale if None.
@@ -40,6 +41,7 @@ class TrainingConfig:
     cosine: bool = True
     clip: float | None = 1.0
     weight_decay: float = 0.0
+    keep_best: bool = True
     scaled_loss: bool = True
     lm_steps: int = 20
     lm_horizon: int | None = None

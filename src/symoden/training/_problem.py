@@ -1,6 +1,6 @@
 """What training minimises: the squared error of short rollouts from measured states."""
 
-from typing import NamedTuple
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
@@ -44,6 +44,7 @@ class Batch(NamedTuple):
         return jax.tree.map(lambda x: x.astype(dtype), self)
 
 
+@final
 class Objective(eqx.Module):
     """How a rollout is compared with a window.
 
@@ -86,6 +87,26 @@ def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch
         return jnp.mean(objective.residuals(dynamics, window) ** 2)
 
     return jnp.mean(jax.lax.map(squared, batch, batch_size=min(chunk, batch.ts.shape[0])))
+
+
+@eqx.filter_jit
+def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objective, batch: Batch) -> Scalar:
+    """Mean squared difference of the residuals under two solvers: what the coarse one adds to the loss.
+
+    Args:
+        dynamics: Model.
+        coarse: The objective in use.
+        fine: The same with a more accurate solver.
+        batch: Windows.
+
+    Returns:
+        Mean of the squared differences.
+    """
+
+    def squared(window: Batch) -> Scalar:
+        return jnp.mean((coarse.residuals(dynamics, window) - fine.residuals(dynamics, window)) ** 2)
+
+    return jnp.mean(jax.vmap(squared)(batch))
 
 
 def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:

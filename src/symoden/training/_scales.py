@@ -30,10 +30,9 @@ def measure_scales(
     circles = np.zeros(space.embedded_size - lengths.shape[1])
     rates = np.concatenate([trajectory.rates for trajectory in trajectories])
     slopes = np.concatenate([np.diff(t.q, axis=0) / np.diff(t.ts)[:, None] for t in trajectories])
-    changes = np.concatenate([np.diff(t.rates, axis=0) / np.diff(t.ts)[:, None] for t in trajectories])
+    time = time_scale(trajectories)
     us = np.concatenate([trajectory.us for trajectory in trajectories])
     velocity = _rms(slopes if momenta else rates)
-    time = float(np.median(_rms(rates) / _rms(changes)))
     inputs = _rms(us)
     if momenta:
         momentum = _rms(rates)
@@ -50,6 +49,33 @@ def measure_scales(
         input=inputs,
         time=time,
     )
+
+
+def time_scale(trajectories: Sequence[Trajectory]) -> float:
+    """Time in which rates change by about their own size [s]: twice the lag after which they have changed by half.
+
+    For a sine of angular frequency ω it is 1/ω. Differences over a lag, unlike derivatives, are hardly touched by noise.
+
+    Args:
+        trajectories: Recordings.
+
+    Returns:
+        Median of the coordinates' time scales; the longest lag where rates change less.
+    """
+    step = float(np.median(np.concatenate([np.diff(trajectory.ts) for trajectory in trajectories])))
+    half = 0.5 * np.sqrt(np.mean(np.concatenate([trajectory.rates for trajectory in trajectories]) ** 2, axis=0))
+    longest = max(len(trajectory) for trajectory in trajectories) - 1
+    previous = np.zeros_like(half)
+    lags = np.full(half.shape, float(longest))
+    for lag in range(1, longest + 1):
+        changes = [trajectory.rates[lag:] - trajectory.rates[:-lag] for trajectory in trajectories]
+        change = np.sqrt(np.mean(np.concatenate(changes) ** 2, axis=0))
+        crossing = (previous < half) & (change >= half) & (lags == longest)
+        lags[crossing] = lag - 1 + ((half - previous) / np.maximum(change - previous, 1e-300))[crossing]
+        previous = np.maximum(previous, change)
+        if np.all(change >= half):
+            break
+    return 2 * step * float(np.median(lags))
 
 
 def _rms(samples: np.ndarray) -> np.ndarray:

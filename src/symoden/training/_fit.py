@@ -1,0 +1,199 @@
+"""Fit a model to recordings: Adam finds the basin, Levenberg-Marquardt reaches the bottom."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import DTypeLike
+
+from symoden.blocks import Correction
+from symoden.data import Dataset, split_validation, windows
+from symoden.integrate import HOLDS, RK4
+from symoden.mechanics import AbstractDynamics
+from symoden.models import ModelConfig, build
+from symoden.spaces import Space
+
+from ._config import TrainingConfig
+from ._problem import Batch, Objective, channel_weights
+from ._run import Journal, Progress, run
+from ._scales import measure_scales, time_scale
+from ._stages import AbstractStage, AdamStage, Data, LevenbergStage, TrainingState, cast
+
+_ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
+_LM_HORIZON = 1.0
+_SHORTEST = 3
+
+
+class TrainingError(RuntimeError):
+    """Training came to nothing; the message says why and what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitResult:
+    """A trained model and how it came about.
+
+    Attributes:
+        model: The model with the least validation loss.
+        outcome: How training ended, in words.
+        completed: Whether every stage came to its end.
+        loss: Least loss on the validation data (on the training data without them).
+        seconds: Time spent [s], earlier runs included.
+    """
+
+    model: AbstractDynamics
+    outcome: str
+    completed: bool
+    loss: float
+    seconds: float
+
+
+def ignore(progress: Progress) -> None:
+    """Report nothing."""
+    del progress
+
+
+def fit(
+    dataset: Dataset,
+    *,
+    model: ModelConfig | None = None,
+    config: TrainingConfig | None = None,
+    folder: Path | None = None,
+    resume: bool = False,
+    max_minutes: float | None = None,
+    progress: Callable[[Progress], None] = ignore,
+) -> FitResult:
+    """Train a model on recordings.
+
+    Everything runs in the precision that it needs, whatever JAX's global setting: Adam in single, Levenberg-Marquardt
+    in double.
+
+    Args:
+        dataset: Recordings; its test part is not looked at.
+        model: Settings of the model.
+        config: Settings of training.
+        folder: Where `metrics.jsonl` and `checkpoints/` go; nothing is written without it.
+        resume: Go on from the checkpoint in `folder`, if there is one; the weights then are those of an uninterrupted
+            run, bit for bit.
+        max_minutes: Stop after this time with the best model so far.
+        progress: Called after every stride.
+
+    Returns:
+        The model and how training ended.
+
+    Raises:
+        TrainingError: If no finite model was found.
+        DataError: If a recording is shorter than a window.
+        StorageError: If `folder` cannot be written, or its checkpoint is damaged or of other settings.
+
+    Example:
+        >>> from symoden import Trajectory, Dataset
+        >>> ts = np.linspace(0.0, 2.0, 41)
+        >>> q, v = np.cos(ts)[:, None], -np.sin(ts)[:, None]
+        >>> swing = Trajectory(name="swing", ts=ts, q=q, rates=v, us=np.zeros((41, 0)))
+        >>> quick = TrainingConfig(adam_steps=50, lm_steps=2, growth_steps=0)
+        >>> result = fit(Dataset(name="spring", space="R1", train=(swing,)), config=quick)
+        >>> result.outcome
+        'all steps taken'
+    """
+    model, config = model or ModelConfig(), config or TrainingConfig()
+    journal = Journal(folder=folder)
+    with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
+        stages, state = _prepare(dataset, model, config)
+        state, outcome, seconds = run(stages, state, journal, resume=resume, max_minutes=max_minutes, progress=progress)
+    if not math.isfinite(state.best_loss):
+        raise TrainingError(
+            "Training must find a model with finite errors; every rollout diverged. Check the units and the space of "
+            "the data, or lower the learning rate."
+        )
+    # Outside, arrays follow the user's precision again.
+    return FitResult(
+        model=cast(state.best, jnp.zeros(()).dtype),
+        outcome=outcome,
+        completed=state.stage == len(stages),
+        loss=state.best_loss,
+        seconds=seconds,
+    )
+
+
+def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
+    """Split and cut the recordings, build the model, and line up the stages."""
+    if config.validation:
+        dataset = split_validation(dataset, config.validation, min_samples=_SHORTEST + 1)
+    space = Space.parse(dataset.space)
+    scales = None
+    if model.scaled:
+        scales = measure_scales(dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix)
+    dynamics = build(
+        model,
+        space,
+        dataset.inputs,
+        momenta=dataset.momenta,
+        scales=scales,
+        input_matrix=dataset.input_matrix,
+        key=jax.random.key(config.seed),
+    )
+    stages: list[AbstractStage] = []
+    if config.adam_steps:
+        stages.append(AdamStage(_adam_data(dataset, dynamics, config), config))
+    if config.lm_steps:
+        data = _levenberg_data(dataset, dynamics, config)
+        stages.append(LevenbergStage(data, config))
+        if config.growth_steps and _has_corrections(dynamics):
+            stages.append(LevenbergStage(data, config, corrections=True, name="growth"))
+    state = TrainingState(
+        stage=0,
+        step=0,
+        model=dynamics,
+        optimizer=None,
+        damping=config.damping,
+        substeps=config.lm_substeps or 1,
+        best=dynamics,
+        best_loss=math.inf,
+        stale=0,
+    )
+    return stages, state
+
+
+def _adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
+    """Windows from every start point, in single precision."""
+    horizon = config.horizon or _horizon(dataset, _ADAM_HORIZON, _SHORTEST)
+    return _data(dataset, dynamics, config, horizon=horizon, stride=1, dtype=jnp.float32)
+
+
+def _levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
+    """Longer windows end to end, each sample being predicted once, in double precision."""
+    horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
+    return _data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
+
+
+def _data(
+    dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig, *, horizon: int, stride: int, dtype: DTypeLike
+) -> Data:
+    """Windows on the device, and the objective on them."""
+    train = Batch.of(windows(dataset.train, horizon, stride=stride), dtype)
+    validation = None
+    if dataset.validation:
+        validation = Batch.of(windows(dataset.validation, horizon, stride=stride), dtype)
+    channels = dynamics.space.embedded_size + dynamics.space.size
+    weights = channel_weights(train, dynamics) if config.scaled_loss else np.ones(channels)
+    objective = Objective(jnp.asarray(weights, dtype), RK4(config.substeps), HOLDS[dataset.hold])
+    return Data(train, validation, objective)
+
+
+def _horizon(dataset: Dataset, share: float, least: int) -> int:
+    """Steps in a share of the motion's time scale, such that whole windows fill the shortest recording."""
+    recordings = dataset.train + dataset.validation
+    step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in recordings])))
+    longest = min(len(recording) for recording in recordings) - 1
+    wanted = max(least, round(share * time_scale(dataset.train) / step))
+    return max(1, longest // max(1, round(longest / wanted)))
+
+
+def _has_corrections(dynamics: AbstractDynamics) -> bool:
+    """Whether a block has a correction to set free."""
+    leaves = jax.tree.leaves(dynamics, is_leaf=lambda node: isinstance(node, Correction))
+    return any(isinstance(leaf, Correction) for leaf in leaves)

@@ -1,0 +1,148 @@
+"""Going through the stages of training: reports, checkpoints, the time limit."""
+
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from symoden.storage import write_atomically
+
+from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
+from ._stages import AbstractStage, TrainingState
+
+
+class Progress(NamedTuple):
+    """How far training is.
+
+    Attributes:
+        stage: Name of the stage.
+        step: Steps done in it.
+        steps: Its largest number of steps.
+        loss: Training loss.
+        validation: Validation loss; None without validation data.
+        seconds: Time spent [s], earlier runs included.
+    """
+
+    stage: str
+    step: int
+    steps: int
+    loss: float
+    validation: float | None
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Journal:
+    """The files of a run: `metrics.jsonl` and `checkpoints/latest.safetensors`; none at all without a folder.
+
+    Attributes:
+        folder: Folder of the run, if any.
+    """
+
+    folder: Path | None
+
+    @property
+    def checkpoint(self) -> Path | None:
+        """The latest checkpoint's file, whether it exists or not."""
+        return None if self.folder is None else self.folder / "checkpoints" / "latest.safetensors"
+
+    @property
+    def metrics(self) -> Path | None:
+        """The file of one JSON object a stride."""
+        return None if self.folder is None else self.folder / "metrics.jsonl"
+
+    def read(self, stages: Sequence[AbstractStage], state: TrainingState) -> tuple[TrainingState, list[dict], float]:
+        """Go back to the checkpoint.
+
+        Args:
+            stages: All stages.
+            state: State before the first of them.
+
+        Returns:
+            The saved state, the metrics up to it and the time spent [s]; the fresh start without a checkpoint.
+
+        Raises:
+            StorageError: If the checkpoint is damaged or of other settings.
+        """
+        if self.checkpoint is None or not self.checkpoint.exists():
+            return stages[0].start(state), [], 0.0
+        stage, seconds = read_progress(self.checkpoint)
+        like = stages[min(stage, len(stages) - 1)].start(state)
+        state = load_checkpoint(self.checkpoint, like)
+        lines = self.metrics.read_text().splitlines() if self.metrics is not None and self.metrics.exists() else []
+        return state, [line for line in map(json.loads, lines) if line["seconds"] <= seconds], seconds
+
+    def write(self, state: TrainingState, lines: Sequence[dict], *, seconds: float) -> None:
+        """Save the metrics, then the state that they lead to.
+
+        Args:
+            state: State of training.
+            lines: All metrics so far.
+            seconds: Time spent [s].
+
+        Raises:
+            StorageError: If the files cannot be written; those before are then unchanged.
+        """
+        if self.checkpoint is None or self.metrics is None:
+            return
+        write_atomically(self.metrics, "".join(json.dumps(line) + "\n" for line in lines).encode())
+        save_checkpoint(self.checkpoint, state, seconds=seconds)
+
+
+def run(
+    stages: Sequence[AbstractStage],
+    state: TrainingState,
+    journal: Journal,
+    *,
+    resume: bool,
+    max_minutes: float | None,
+    progress: Callable[[Progress], None],
+) -> tuple[TrainingState, str, float]:
+    """Go through the stages.
+
+    Args:
+        stages: What to do, in order.
+        state: State before the first of them.
+        journal: Where to keep it.
+        resume: Start from the journal's checkpoint, if there is one.
+        max_minutes: Stop after this time.
+        progress: Called after every stride.
+
+    Returns:
+        The last state, how it ended in words, and the time spent [s].
+    """
+    spent, lines = 0.0, []
+    if resume:
+        state, lines, spent = journal.read(stages, state)
+    elif stages:
+        state = stages[0].start(state)
+    started = time.monotonic() - spent
+    outcome = "all steps taken"
+    while state.stage < len(stages):
+        stage = stages[state.stage]
+        state, report = stage.advance(state)
+        seconds = time.monotonic() - started
+        now = Progress(stage.name, state.step, stage.steps, report.loss, report.validation, seconds)
+        lines.append({key: _json(value) for key, value in now._asdict().items()})
+        outcome = report.outcome or outcome
+        if report.finished:
+            state = _next(stages, state)
+        journal.write(state, lines, seconds=seconds)
+        progress(now)
+        if max_minutes is not None and seconds >= 60 * max_minutes and state.stage < len(stages):
+            return state, f"stopped at the time limit of {max_minutes:g} minutes", seconds
+    return state, outcome, time.monotonic() - started
+
+
+def _next(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:
+    """State at the start of the stage after this one."""
+    after = state._replace(stage=state.stage + 1)
+    return stages[after.stage].start(after) if after.stage < len(stages) else after
+
+
+def _json(value: str | float | None) -> str | float | None:
+    """What JSON can express: no NaN, no infinity."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value

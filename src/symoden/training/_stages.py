@@ -1,0 +1,255 @@
+"""The two stages of training, each advancing one state by one checkpointable stride."""
+
+import abc
+import functools
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optax
+from jaxtyping import PyTree
+
+from symoden.blocks import trainable
+from symoden.integrate import RK4
+from symoden.mechanics import AbstractDynamics
+
+from ._adam import AdamState, Sampler, adam, adam_steps
+from ._config import TrainingConfig
+from ._flatten import Flattening
+from ._levenberg_marquardt import LevenbergState, levenberg_marquardt_step
+from ._problem import Batch, Objective, evaluate_loss, integration_error
+
+DIVERGED = "diverged; the best model before was kept"
+
+_CHUNK = 250
+_MOST_SUBSTEPS = 16
+_EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which nothing is left to explain.
+_STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
+
+
+class TrainingState(NamedTuple):
+    """All that a resumed training needs; a PyTree.
+
+    Attributes:
+        stage: Index of the stage in progress.
+        step: Steps done in this stage.
+        model: The model now.
+        optimizer: Adam's memory; None in other stages.
+        damping: Levenberg-Marquardt's damping.
+        substeps: RK4 steps in each sampling interval in Levenberg-Marquardt.
+        best: The model with the least validation loss.
+        best_loss: That loss.
+        stale: Steps since it was found.
+    """
+
+    stage: int
+    step: int
+    model: AbstractDynamics
+    optimizer: PyTree
+    damping: float
+    substeps: int
+    best: AbstractDynamics
+    best_loss: float
+    stale: int
+
+
+class Report(NamedTuple):
+    """What a stride did.
+
+    Attributes:
+        loss: Training loss.
+        validation: Validation loss; None without validation data.
+        finished: Whether the stage is over.
+        outcome: Why, in words; empty while it goes on.
+    """
+
+    loss: float
+    validation: float | None
+    finished: bool
+    outcome: str = ""
+
+
+class Data(NamedTuple):
+    """Windows of one stage and how they are compared.
+
+    Attributes:
+        train: Windows to fit.
+        validation: Windows to choose by; None to go by the training windows.
+        objective: Weights, solver and hold.
+    """
+
+    train: Batch
+    validation: Batch | None
+    objective: Objective
+
+    def validation_loss(self, model: AbstractDynamics, objective: Objective) -> float | None:
+        """Loss on the validation windows, if there are any."""
+        return None if self.validation is None else float(evaluate_loss(model, objective, self.validation))
+
+
+class AbstractStage(abc.ABC):
+    """One stage of training."""
+
+    name: str
+    steps: int
+
+    @abc.abstractmethod
+    def start(self, state: TrainingState) -> TrainingState:
+        """State at the beginning of this stage, from the end of the one before."""
+
+    @abc.abstractmethod
+    def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
+        """Take one stride."""
+
+
+@final
+@dataclass(frozen=True)
+class AdamStage(AbstractStage):
+    """Adam in single precision: finds the basin.
+
+    Attributes:
+        data: Overlapping windows, in the precision to train in.
+        config: Settings.
+        name: What reports call it.
+    """
+
+    data: Data
+    config: TrainingConfig
+    name: str = "adam"
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return self.config.adam_steps
+
+    def start(self, state: TrainingState) -> TrainingState:
+        """Begin with an empty memory."""
+        model = cast(state.model, self.data.train.q.dtype)
+        optimizer = self._optimizer.init(eqx.filter(model, trainable(model, corrections=False)))
+        return state._replace(step=0, model=model, best=model, optimizer=optimizer, best_loss=math.inf)
+
+    def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
+        """Take up to some hundred steps in one compiled call."""
+        free, fixed = eqx.partition(state.model, trainable(state.model, corrections=False))
+        steps = min(_CHUNK, self.steps - state.step)
+        before = AdamState(free, state.optimizer, jnp.asarray(state.step))
+        after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self._optimizer, steps=steps)
+        model = eqx.combine(after.free, fixed)
+        validation = self.data.validation_loss(model, self.data.objective)
+        state = state._replace(step=state.step + steps, model=model, optimizer=after.optimizer)
+        loss = float(jnp.mean(losses))
+        if not math.isfinite(loss):
+            return state._replace(model=state.best), Report(loss, validation, finished=True, outcome=DIVERGED)
+        judged = loss if validation is None else validation
+        if judged < state.best_loss or not self.config.keep_best:
+            state = state._replace(best=model, best_loss=judged)
+        finished = state.step >= self.steps
+        return state, Report(loss, validation, finished=finished, outcome="all steps taken" if finished else "")
+
+    @functools.cached_property
+    def _sampler(self) -> Sampler:
+        windows = self.data.train
+        size = min(self.config.batch_size, windows.ts.shape[0])
+        return Sampler(windows, jnp.asarray(self.config.seed), size, self.config.shuffle)
+
+    @functools.cached_property
+    def _optimizer(self) -> optax.GradientTransformation:
+        # Made once: JAX recognises a compiled function by the identity of the functions it was made from.
+        config = self.config
+        return adam(
+            steps=config.adam_steps,
+            learning_rate=config.learning_rate,
+            cosine=config.cosine,
+            clip=config.clip,
+            weight_decay=config.weight_decay,
+        )
+
+
+@final
+@dataclass(frozen=True)
+class LevenbergStage(AbstractStage):
+    """Levenberg-Marquardt in double precision: reaches the bottom.
+
+    Integration is refined as the errors fall: where its own error is no longer small beside the residuals, the number
+    of RK4 steps in a sampling interval doubles.
+
+    Attributes:
+        data: Windows that hardly overlap, in double precision.
+        config: Settings.
+        corrections: Whether the blocks' corrections are free. Such a stage is skipped where nothing is left to explain.
+        name: What reports call it.
+    """
+
+    data: Data
+    config: TrainingConfig
+    corrections: bool = False
+    name: str = "levenberg-marquardt"
+
+    @property
+    def steps(self) -> int:
+        """Largest number of steps."""
+        return self.config.growth_steps if self.corrections else self.config.lm_steps
+
+    def start(self, state: TrainingState) -> TrainingState:
+        """Begin from the best model so far, in double precision."""
+        best = cast(state.best, self.data.train.q.dtype)
+        judged = self.data.train if self.data.validation is None else self.data.validation
+        loss = float(evaluate_loss(best, self._objective(state.substeps), judged))
+        return state._replace(
+            step=0, model=best, best=best, best_loss=loss, optimizer=None, damping=self.config.damping, stale=0
+        )
+
+    def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
+        """Take one step."""
+        if self.corrections and state.best_loss < _EXPLAINED:
+            return state, Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
+        substeps = self._refined(state)
+        objective = self._objective(substeps)
+        restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        after, step = levenberg_marquardt_step(
+            LevenbergState(theta, state.damping, state.step),
+            restore,
+            objective,
+            self.data.train,
+            prior=self.config.prior,
+        )
+        model = restore(after.theta)
+        validation = self.data.validation_loss(model, objective)
+        judged = step.after if validation is None else validation
+        better = judged < state.best_loss
+        falling = step.accepted and step.after < (1 - _STALLED) * step.before
+        state = state._replace(
+            step=state.step + 1,
+            model=model,
+            damping=after.damping,
+            substeps=substeps,
+            best=model if better else state.best,
+            best_loss=judged if better else state.best_loss,
+            stale=0 if better and falling else state.stale + 1,
+        )
+        stopped = state.stale >= self.config.patience
+        finished = stopped or state.step >= self.steps
+        outcome = "converged" if stopped else "all steps taken" if finished else ""
+        return state, Report(step.after, validation, finished, outcome)
+
+    def _objective(self, substeps: int) -> Objective:
+        return Objective(self.data.objective.weights, RK4(jnp.asarray(substeps)), self.data.objective.hold)
+
+    def _refined(self, state: TrainingState) -> int:
+        """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""
+        if self.config.lm_substeps is not None:
+            return self.config.lm_substeps
+        coarse = self._objective(state.substeps)
+        sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
+        error = integration_error(state.model, coarse, self._objective(2 * state.substeps), sample)
+        loss = evaluate_loss(state.model, coarse, sample)
+        finer = float(error) > 0.01 * float(loss) and state.substeps < _MOST_SUBSTEPS
+        return 2 * state.substeps if finer else state.substeps
+
+
+def cast(model: PyTree, dtype: jnp.dtype) -> PyTree:
+    """Change the precision of every array of floats."""
+    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, model)
