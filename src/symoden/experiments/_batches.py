@@ -1,0 +1,127 @@
+"""Applying a function to recordings of any lengths: batches of padded recordings share one compiled program."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree
+
+from symoden.data import Trajectory
+
+Batched: TypeAlias = Callable[["Segment"], PyTree]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stretch:
+    """Samples [start, stop) of a recording.
+
+    Attributes:
+        trajectory: The recording.
+        start: First sample.
+        stop: Sample after the last one.
+    """
+
+    trajectory: Trajectory
+    start: int
+    stop: int
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return self.stop - self.start
+
+    @property
+    def q(self) -> Float[np.ndarray, "T n"]:
+        """Measured coordinates."""
+        return self.trajectory.q[self.start : self.stop]
+
+    def padded(self, length: int) -> tuple[np.ndarray, ...]:
+        """Times since the start, coordinates, rates and inputs, the last sample repeated."""
+        recording, missing = self.trajectory, length - len(self)
+        columns = (recording.ts - recording.ts[self.start], recording.q, recording.rates, recording.us)
+        parts = (column[self.start : self.stop] for column in columns)
+        return tuple(np.concatenate([part, np.repeat(part[-1:], missing, axis=0)]) for part in parts)
+
+
+class Segment(NamedTuple):
+    """Stretches on the device; in a batch, every array has the batch as its first axis.
+
+    Attributes:
+        ts: Times since the start [s].
+        q: Measured coordinates.
+        rates: Measured velocities or momenta.
+        us: Inputs.
+    """
+
+    ts: Float[Array, "*B T"]
+    q: Float[Array, "*B T n"]
+    rates: Float[Array, "*B T n"]
+    us: Float[Array, "*B T m"]
+
+
+def entire(trajectories: Sequence[Trajectory]) -> list[Stretch]:
+    """Each recording from its first to its last sample.
+
+    Args:
+        trajectories: Recordings.
+
+    Returns:
+        One stretch for each.
+    """
+    return [Stretch(trajectory=trajectory, start=0, stop=len(trajectory)) for trajectory in trajectories]
+
+
+def pieces(trajectories: Sequence[Trajectory], steps: int) -> list[Stretch]:
+    """Consecutive stretches, the last sample of one being the first of the next.
+
+    Args:
+        trajectories: Recordings.
+        steps: Largest number of sampling intervals in a stretch.
+
+    Returns:
+        The stretches.
+    """
+    return [
+        Stretch(trajectory=trajectory, start=start, stop=min(start + steps + 1, len(trajectory)))
+        for trajectory in trajectories
+        for start in range(0, len(trajectory) - 1, steps)
+    ]
+
+
+def in_batches(
+    function: Batched, stretches: Sequence[Stretch], *, samples: int = 65536
+) -> Iterator[tuple[int, PyTree]]:
+    """Apply a batched function to stretches, in bounded memory.
+
+    Stretches of similar length are padded by repeating the last sample, in which no time passes, so that results
+    along time agree with those without padding on the samples that there are.
+
+    Args:
+        function: Batched function.
+        stretches: Stretches of any lengths.
+        samples: Largest number of samples in a batch.
+
+    Yields:
+        The index of a stretch, and its result as NumPy arrays, still padded. The order is not that of the stretches.
+    """
+    groups: dict[int, list[int]] = {}
+    for i, stretch in enumerate(stretches):
+        groups.setdefault((len(stretch) - 1).bit_length(), []).append(i)
+    for group in groups.values():
+        length = max(len(stretches[i]) for i in group)
+        size = min(_power_of_two(len(group)), max(1, samples // length))
+        for start in range(0, len(group), size):
+            chosen = group[start : start + size]
+            # The last batch is filled up, so that it needs no program of its own.
+            filled = chosen + chosen[-1:] * (size - len(chosen))
+            columns = zip(*(stretches[i].padded(length) for i in filled), strict=True)
+            result = jax.tree.map(np.asarray, function(Segment(*(jnp.asarray(np.stack(c)) for c in columns))))
+            for k, i in enumerate(chosen):
+                yield i, jax.tree.map(lambda leaf, k=k: leaf[k], result)
+
+
+def _power_of_two(count: int) -> int:
+    """Least power of two that is at least `count`."""
+    return 1 << (count - 1).bit_length()

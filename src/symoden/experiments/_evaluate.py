@@ -1,0 +1,245 @@
+"""Scores of a model: the paper's errors on a task, position errors on measured recordings."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from symoden.data import Dataset, Trajectory
+from symoden.integrate import HOLDS, AbstractSolver, Hold, Rollout, rollout
+from symoden.mechanics import AbstractDynamics
+from symoden.models import NaiveModel
+from symoden.spaces import Space
+
+from ._batches import Segment, Stretch, entire, in_batches
+from ._paper import MeanStd
+from ._sources import Source
+
+HORIZON: Final = 1.0
+STRIDE: Final = 0.25
+_INSTANT = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class TaskScore:
+    """The paper's errors: for each trajectory the sum of the squared errors of one rollout from its first point.
+
+    Attributes:
+        train: Over the training trajectories.
+        test: Over the test trajectories.
+        prediction: Over the longer trajectories without input.
+    """
+
+    train: MeanStd
+    test: MeanStd
+    prediction: MeanStd
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowScore:
+    """Position RMSE of rollouts over windows of a recording, in the data's units; infinite where most diverge.
+
+    Attributes:
+        horizon_s: Length of a window [s].
+        median: Median over the windows; NaN if the recording is too short for one.
+        mean: Mean over the windows.
+    """
+
+    horizon_s: float
+    median: float
+    mean: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordingScore:
+    """How well a recording is predicted.
+
+    Attributes:
+        name: Name of the recording.
+        split: Its part: train, validation or test.
+        samples: Number of its samples.
+        window_rmse: Errors over short windows, each from a measured state.
+        rollout_rmse: Position RMSE of one rollout from the start of the recording; infinite if it diverges.
+    """
+
+    name: str
+    split: str
+    samples: int
+    window_rmse: WindowScore
+    rollout_rmse: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """Rollout from the first state of a recording.
+
+    Attributes:
+        q: Coordinates; angles without jumps of 2π, whatever the model.
+        rates: Velocities or momenta.
+        observations: Embedded coordinates as the model has them, then the rates.
+    """
+
+    q: Float[np.ndarray, "T n"]
+    rates: Float[np.ndarray, "T n"]
+    observations: Float[np.ndarray, "T o"]
+
+
+def score_task(model: AbstractDynamics, source: Source, *, solver: AbstractSolver) -> TaskScore:
+    """Score a model by the paper's metrics, in the task's own observation space whatever the model was told.
+
+    Args:
+        model: Learned model or analytic system.
+        source: A task.
+        solver: What advances rollouts.
+
+    Returns:
+        The errors; a rollout that diverges makes its error NaN or infinite.
+
+    Raises:
+        ValueError: If the source is no task.
+    """
+    if source.task is None:
+        raise ValueError(f"The paper's errors are those of a task; got the data set `{source.name}`.")
+    space = Space.parse(source.task.space)
+    parts = (source.dataset.train, source.dataset.test, source.prediction)
+    every = [recording for part in parts for recording in part]
+    predictions = predict(model, every, hold=source.dataset.hold, solver=solver)
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = np.array([_squared_error(model, space, *pair) for pair in zip(every, predictions, strict=True)])
+        edges = np.cumsum([len(part) for part in parts])
+        train, test, prediction = (
+            MeanStd(float(part.mean()), float(part.std())) for part in np.split(errors, edges[:-1])
+        )
+    return TaskScore(train=train, test=test, prediction=prediction)
+
+
+def score_recordings(
+    model: AbstractDynamics,
+    dataset: Dataset,
+    *,
+    solver: AbstractSolver,
+    splits: Sequence[str] = ("train", "validation", "test"),
+) -> tuple[RecordingScore, ...]:
+    """Score a model on measured recordings.
+
+    Scoring starts after the `initial_samples` of a recording. A window's first sample is where its rollout starts, so
+    it is not scored.
+
+    Args:
+        model: Learned model or analytic system.
+        dataset: Recordings.
+        solver: What advances rollouts.
+        splits: Parts to score.
+
+    Returns:
+        The scores, in the order of the recordings.
+    """
+    chosen = [(split, recording) for split in splits for recording in getattr(dataset, split)]
+    recordings = [recording for _, recording in chosen]
+    windows = [(i, *edges) for i, recording in enumerate(recordings) for edges in _windows(recording)]
+    stretches = [Stretch(trajectory=recordings[i], start=start, stop=stop) for i, start, stop in windows]
+    rmse: list[list[float]] = [[] for _ in recordings]
+    for k, path in _paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
+        rmse[windows[k][0]].append(_rmse(path.q[1:], stretches[k].q[1:]))
+    whole = predict(model, recordings, hold=dataset.hold, solver=solver)
+    return tuple(
+        RecordingScore(
+            name=recording.name,
+            split=split,
+            samples=len(recording),
+            window_rmse=WindowScore(
+                horizon_s=HORIZON,
+                median=float(np.median(errors)) if errors else np.nan,
+                mean=float(np.mean(errors)) if errors else np.nan,
+            ),
+            rollout_rmse=_rmse(path.q[recording.initial_samples :], recording.q[recording.initial_samples :]),
+        )
+        for (split, recording), errors, path in zip(chosen, rmse, whole, strict=True)
+    )
+
+
+def predict(
+    model: AbstractDynamics, trajectories: Sequence[Trajectory], *, hold: str, solver: AbstractSolver
+) -> list[Prediction]:
+    """Roll out recordings from their first states under their inputs.
+
+    Args:
+        model: Learned model or analytic system.
+        trajectories: Recordings of any lengths.
+        hold: What an input is between samples, a key of `HOLDS`.
+        solver: What advances rollouts.
+
+    Returns:
+        One prediction for each recording.
+    """
+    paths = dict(_paths(model, entire(trajectories), hold=HOLDS[hold], solver=solver))
+    return [paths[i] for i in range(len(trajectories))]
+
+
+def _paths(
+    model: AbstractDynamics, stretches: Sequence[Stretch], *, hold: Hold, solver: AbstractSolver
+) -> Iterator[tuple[int, Prediction]]:
+    """Rollouts of stretches, each with its index."""
+    for i, path in in_batches(lambda batch: _rollouts(model, batch, solver, hold), stretches):
+        samples = len(stretches[i])
+        q = path.q[:samples]
+        if isinstance(model, NaiveModel):
+            q = _continued(q, stretches[i].q[0], model.space)
+        yield i, Prediction(q=q, rates=path.rates[:samples], observations=path.observations[:samples])
+
+
+@eqx.filter_jit
+def _rollouts(model: AbstractDynamics, batch: Segment, solver: AbstractSolver, hold: Hold) -> Rollout:
+    """Roll out a batch of segments."""
+
+    def one(segment: Segment) -> Rollout:
+        return rollout(model, segment.q[0], segment.rates[0], segment.ts, segment.us, solver=solver, hold=hold)
+
+    return jax.vmap(one)(batch)
+
+
+def _continued(q: Float[np.ndarray, "T n"], q0: Float[np.ndarray, " n"], space: Space) -> Float[np.ndarray, "T n"]:
+    """Angles of a model that knows them only modulo 2π, continued along time from the measured one."""
+    q, angles = q.copy(), space.angles
+    with np.errstate(invalid="ignore"):
+        turned = np.unwrap(q[:, angles], axis=0)
+        q[:, angles] = turned + 2 * np.pi * np.round((q0[angles] - turned[0]) / (2 * np.pi))
+    return q
+
+
+def _squared_error(model: AbstractDynamics, space: Space, measured: Trajectory, predicted: Prediction) -> float:
+    """Sum of squared errors over samples and the observation channels of a space."""
+    seen = (
+        predicted.observations
+        if model.space.is_angle == space.is_angle
+        else _observed(space, predicted.q, predicted.rates)
+    )
+    return float(np.sum((seen - _observed(space, measured.q, measured.rates)) ** 2))
+
+
+def _observed(space: Space, q: Float[np.ndarray, "T n"], rates: Float[np.ndarray, "T n"]) -> Float[np.ndarray, "T o"]:
+    """Embedded coordinates, then the rates."""
+    angles = q[:, space.angles]
+    return np.concatenate([q[:, space.lengths], np.cos(angles), np.sin(angles), rates], axis=1)
+
+
+def _windows(recording: Trajectory) -> list[tuple[int, int]]:
+    """Samples [start, stop) of the windows of a recording."""
+    elapsed = recording.ts - recording.ts[recording.initial_samples - 1]
+    starts = np.arange(0.0, elapsed[-1] - HORIZON + _INSTANT, STRIDE)
+    firsts = np.searchsorted(elapsed, starts - _INSTANT)
+    stops = np.searchsorted(elapsed, elapsed[firsts] + HORIZON + _INSTANT)
+    # Where time stamps are irregular, the window after the last start may end after the recording.
+    complete = elapsed[firsts] + HORIZON <= elapsed[-1] + _INSTANT
+    return [(int(a), int(b)) for a, b in zip(firsts[complete], stops[complete], strict=True) if b - a > 1]
+
+
+def _rmse(predicted: Float[np.ndarray, "T n"], measured: Float[np.ndarray, "T n"]) -> float:
+    """Root of the mean squared difference over samples and coordinates; infinite where a rollout diverged."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        rmse = float(np.sqrt(np.mean((predicted - measured) ** 2)))
+    return rmse if np.isfinite(rmse) else np.inf

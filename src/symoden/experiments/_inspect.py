@@ -1,0 +1,218 @@
+"""What a model learned: M, V, g and D over the range of its training data."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from symoden.blocks import KnownValue, count_parameters
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
+from symoden.models import GeometricModel, StructuredModel, UnstructuredModel
+from symoden.shapes import Coordinates, Rates
+
+from ._ranges import Ranges
+
+_STATES: Final = 1024
+_SPEEDS: Final = (0.01, 0.03, 0.1, 0.3, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Profile:
+    """Blocks along one coordinate, the others being in the middle of the data; None where the model has no such block.
+
+    Attributes:
+        coordinate: Index of the coordinate.
+        values: Its values (K,).
+        mass_matrix: M.
+        potential_energy: V − min V.
+        input_matrix: g.
+        dissipation_matrix: D at half of the largest velocities.
+    """
+
+    coordinate: int
+    values: Float[np.ndarray, " K"]
+    mass_matrix: Float[np.ndarray, "K n n"] | None
+    potential_energy: Float[np.ndarray, " K"] | None
+    input_matrix: Float[np.ndarray, "K n m"] | None
+    dissipation_matrix: Float[np.ndarray, "K d d"] | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrictionProfile:
+    """Friction along one velocity, the others being zero and the coordinates in the middle of the data.
+
+    Attributes:
+        coordinate: Index of the coordinate.
+        velocities: Its velocities (K,).
+        coefficient: Diagonal element of D.
+        force: Friction force (D v) on the coordinate.
+    """
+
+    coordinate: int
+    velocities: Float[np.ndarray, " K"]
+    coefficient: Float[np.ndarray, " K"]
+    force: Float[np.ndarray, " K"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Inspection:
+    """What a model learned.
+
+    Attributes:
+        space: Configuration space.
+        parameters: Number of parameters.
+        anchor: What fixes the scale of inertia, energy and friction.
+        mass_matrix_eigenvalues: Least and largest over the data's range; None for a model without inertia.
+        dissipation_eigenvalues: The same of D.
+        profiles: Blocks along every coordinate.
+        friction: Friction along every velocity.
+        velocities: Largest velocities in the data's range; None for a model without inertia.
+    """
+
+    space: str
+    parameters: int
+    anchor: str
+    mass_matrix_eigenvalues: tuple[float, float] | None
+    dissipation_eigenvalues: tuple[float, float] | None
+    profiles: tuple[Profile, ...]
+    friction: tuple[FrictionProfile, ...]
+    velocities: Float[np.ndarray, " n"] | None
+
+
+def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -> Inspection:
+    """Evaluate a model's blocks over the range of its training data.
+
+    Args:
+        model: Learned model or analytic system.
+        ranges: Ranges of the training data.
+        points: Number of values along each coordinate.
+
+    Returns:
+        What it learned.
+    """
+    q_low, q_high = _position_range(model, ranges)
+    low, high = np.concatenate([[q_low, q_high], np.asarray(ranges.rates).T], axis=1)
+    states = np.random.default_rng(0).uniform(low, high, (_STATES, len(low)))
+    q, rates = (jnp.asarray(part) for part in np.split(states, 2, axis=1))
+    speeds = None
+    mass = dissipation = None
+    if isinstance(model, AbstractPortHamiltonian | GeometricModel):
+        inverse = np.asarray(_inverse_masses(model, q))
+        v = np.einsum("kij,kj->ki", inverse, np.asarray(rates)) if model.momenta else np.asarray(rates)
+        speeds = np.abs(v).max(axis=0)
+        mass = _extremes(np.linalg.inv(inverse))
+        if isinstance(model, AbstractPortHamiltonian):
+            dissipation = _extremes(np.asarray(_dissipations(model, q, jnp.asarray(v))))
+    grids = [np.linspace(a, b, points) for a, b in zip(q_low, q_high, strict=True)]
+    middle = (q_low + q_high) / 2
+    return Inspection(
+        space=str(model.space),
+        parameters=count_parameters(model),
+        anchor=anchor(model),
+        mass_matrix_eigenvalues=mass,
+        dissipation_eigenvalues=dissipation,
+        profiles=tuple(_profile(model, i, grid, middle, speeds) for i, grid in enumerate(grids)),
+        friction=_friction(model, middle, speeds),
+        velocities=speeds,
+    )
+
+
+def anchor(model: AbstractDynamics) -> str:
+    """What fixes the scale of inertia, energy, input and friction.
+
+    Args:
+        model: Learned model or analytic system.
+
+    Returns:
+        What fixes it, in words.
+    """
+    if isinstance(model, StructuredModel | UnstructuredModel) and isinstance(model.actuation, KnownValue):
+        return "input_matrix given"
+    return "momenta measured" if model.momenta else "none: only ratios are known"
+
+
+def _position_range(model: AbstractDynamics, ranges: Ranges) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Range of the coordinates; angles that went all the way round from -π to π."""
+    low, high = np.asarray(ranges.positions).T
+    around = np.asarray(model.space.is_angle) & (high - low > 2 * np.pi)
+    return np.where(around, -np.pi, low), np.where(around, np.pi, high)
+
+
+def _profile(
+    model: AbstractDynamics,
+    coordinate: int,
+    grid: Float[np.ndarray, " K"],
+    middle: Float[np.ndarray, " n"],
+    speeds: Float[np.ndarray, " n"] | None,
+) -> Profile:
+    """Blocks along one coordinate."""
+    q = np.tile(middle, (len(grid), 1))
+    q[:, coordinate] = grid
+    at = jnp.asarray(q)
+    mass = potential = inputs = dissipation = None
+    if isinstance(model, AbstractPortHamiltonian | GeometricModel):
+        mass = np.linalg.inv(np.asarray(_inverse_masses(model, at)))
+    if isinstance(model, AbstractPortHamiltonian) and speeds is not None:
+        energies = np.asarray(jax.vmap(lambda q: model.hamiltonian(q, jnp.zeros_like(q)))(at))
+        potential = energies - energies.min()
+        inputs = np.asarray(jax.vmap(model.input_matrix)(at))
+        dissipation = np.asarray(_dissipations(model, at, jnp.asarray(np.tile(speeds / 2, (len(grid), 1)))))
+    return Profile(
+        coordinate=coordinate,
+        values=grid,
+        mass_matrix=mass,
+        potential_energy=potential,
+        input_matrix=inputs,
+        dissipation_matrix=dissipation,
+    )
+
+
+def _friction(
+    model: AbstractDynamics, middle: Float[np.ndarray, " n"], speeds: Float[np.ndarray, " n"] | None
+) -> tuple[FrictionProfile, ...]:
+    """Friction along every velocity."""
+    if not isinstance(model, AbstractPortHamiltonian) or speeds is None:
+        return ()
+    n = model.space.size
+    found = []
+    for i in range(n):
+        v = np.zeros((len(_SPEEDS), n))
+        v[:, i] = speeds[i] * np.asarray(_SPEEDS)
+        D = np.asarray(_dissipations(model, jnp.asarray(np.tile(middle, (len(v), 1))), jnp.asarray(v)))
+        D = D[:, -n:, -n:]  # Of the full D, the part that acts on momenta.
+        found.append(
+            FrictionProfile(coordinate=i, velocities=v[:, i], coefficient=D[:, i, i], force=D[:, i, i] * v[:, i])
+        )
+    return tuple(found)
+
+
+def _extremes(matrices: Float[np.ndarray, "K d d"]) -> tuple[float, float]:
+    """Least and largest eigenvalue of symmetric matrices."""
+    eigenvalues = np.linalg.eigvalsh(matrices)
+    return float(eigenvalues.min()), float(eigenvalues.max())
+
+
+@eqx.filter_jit
+def _inverse_masses(model: AbstractPortHamiltonian | GeometricModel, q: Float[Array, "K n"]) -> Float[Array, "K n n"]:
+    """M⁻¹ at many configurations."""
+
+    def one(q: Coordinates) -> Float[Array, "n n"]:
+        return model.inverse_mass(q) if isinstance(model, GeometricModel) else model.inverse_mass_matrix(q)
+
+    return jax.vmap(one)(q)
+
+
+@eqx.filter_jit
+def _dissipations(
+    model: AbstractPortHamiltonian, q: Float[Array, "K n"], v: Float[Array, "K n"]
+) -> Float[Array, "K d d"]:
+    """D at many states."""
+
+    def one(q: Coordinates, v: Rates) -> Float[Array, "d d"]:
+        return model.dissipation_matrix(q, v)
+
+    return jax.vmap(one)(q, v)

@@ -1,0 +1,285 @@
+"""A run: the folder of one training, with its settings, its model and what else is needed to use them."""
+
+import contextlib
+import dataclasses
+import hashlib
+import json
+import platform
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final, Literal
+
+from symoden.data import Dataset
+from symoden.integrate import RK4
+from symoden.mechanics import AbstractDynamics
+from symoden.models import ModelConfig, load, save
+from symoden.storage import StorageError, write_atomically
+from symoden.training import FitResult, Progress, TrainingConfig, fit
+
+from ._ranges import Ranges
+from ._settings import decode
+from ._sources import Source, absolute_name, read_source
+
+_PACKAGES: Final = ("symoden", "jax", "jaxlib", "equinox", "optax", "diffrax", "numpy", "scipy")
+_LEAST_SUBSTEPS: Final = 4
+
+
+def _versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results depend on."""
+    return {"python": platform.python_version()} | {name: version(name) for name in _PACKAGES}
+
+
+def _commit() -> str | None:
+    """Commit of the package's sources; None where they are not tracked by git."""
+    folder = Path(__file__).parent
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        git = ["git", "-C", str(folder)]
+        subprocess.run([*git, "ls-files", "--error-unmatch", Path(__file__).name], capture_output=True, check=True)
+        head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, check=True, text=True)
+        return head.stdout.strip()
+    return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataSummary:
+    """What a run keeps of its data, so that its model can be inspected without them.
+
+    Attributes:
+        space: Configuration space that the model was told.
+        momenta: Whether rates are momenta.
+        hold: What an input is between samples.
+        recordings: Number of recordings of each part.
+        samples: Number of samples of each part.
+        position_names: Names of the coordinates.
+        input_names: Names of the inputs.
+        ranges: Least and largest values in the training part.
+        digest: SHA-256 of all recordings; resuming with other data is refused.
+    """
+
+    space: str
+    momenta: bool
+    hold: Literal["zero", "linear"]
+    recordings: dict[str, int]
+    samples: dict[str, int]
+    position_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    ranges: Ranges
+    digest: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """Settings of a run, saved beside its model.
+
+    Attributes:
+        source: Name of the task, or the absolute path of the description.
+        seed: Seed of the task's initial conditions, the initial weights and the batches.
+        space: Configuration space that replaces the source's own, if any.
+        preset: Name of the settings that it started from.
+        model: Settings of the model.
+        training: Settings of training.
+        data: Summary of the data.
+        versions: Versions of Python and of the packages that matter.
+        commit: Commit of the package's sources, where they are in a git repository.
+    """
+
+    source: str
+    seed: int = 0
+    space: str | None = None
+    preset: str = "default"
+    model: ModelConfig
+    training: TrainingConfig
+    data: DataSummary
+    versions: dict[str, str] = field(default_factory=_versions)
+    commit: str | None = field(default_factory=_commit)
+
+
+def summarize(dataset: Dataset) -> DataSummary:
+    """Summarise a data set.
+
+    Args:
+        dataset: The data set.
+
+    Returns:
+        Its summary.
+    """
+    parts = {"train": dataset.train, "validation": dataset.validation, "test": dataset.test}
+    digest = hashlib.sha256()
+    for recording in dataset.recordings:
+        for array in (recording.ts, recording.q, recording.rates, recording.us):
+            digest.update(str(array.shape).encode())
+            digest.update(array.tobytes())
+    return DataSummary(
+        space=dataset.space,
+        momenta=dataset.momenta,
+        hold=dataset.hold,
+        recordings={name: len(part) for name, part in parts.items()},
+        samples={name: sum(map(len, part)) for name, part in parts.items()},
+        position_names=dataset.position_names,
+        input_names=dataset.input_names,
+        ranges=Ranges.of(dataset.train or dataset.recordings),
+        digest=digest.hexdigest(),
+    )
+
+
+def holds_run(folder: Path) -> bool:
+    """Whether a folder holds the settings of a run.
+
+    Args:
+        folder: Any path.
+
+    Returns:
+        Whether there is a `config.json`.
+    """
+    return (folder / "config.json").is_file()
+
+
+def write_run(folder: Path, config: RunConfig) -> None:
+    """Write the settings of a run.
+
+    Args:
+        folder: Folder of the run; it is made if absent.
+        config: The settings.
+
+    Raises:
+        StorageError: If they cannot be written.
+    """
+    text = json.dumps(dataclasses.asdict(config), indent=2, allow_nan=False)
+    write_atomically(folder / "config.json", f"{text}\n".encode())
+
+
+def read_run(folder: Path) -> RunConfig:
+    """Read the settings of a run.
+
+    Args:
+        folder: Folder of the run.
+
+    Returns:
+        The settings.
+
+    Raises:
+        StorageError: If there is no run, or its `config.json` is not what it must be.
+    """
+    path = folder / "config.json"
+    if not holds_run(folder):
+        raise StorageError(
+            f"`{folder}` must be the folder of a run; it has no `config.json`. Check the path, or train."
+        )
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise StorageError(f"`{path}` must be JSON; reading stopped at: {error}. Restore it.") from None
+    return decode(RunConfig, value, f"`{path}`")
+
+
+def read_model(folder: Path) -> AbstractDynamics:
+    """Load the model of a run.
+
+    Args:
+        folder: Folder of the run.
+
+    Returns:
+        The model.
+
+    Raises:
+        StorageError: If there is none yet, or it is damaged.
+    """
+    path = folder / "model.safetensors"
+    if holds_run(folder) and not path.is_file():
+        raise StorageError(f"`{folder}` has no `model.safetensors`: its training did not end. Resume it.")
+    return load(path)
+
+
+def read_run_source(config: RunConfig, name: str | None = None) -> Source:
+    """Read the data of a run, or other data for its model.
+
+    Args:
+        config: Settings of the run.
+        name: Another task or description; the run's own if absent.
+
+    Returns:
+        The source, in the space that the run's model was told.
+
+    Raises:
+        ValueError: If the data are those of another mechanism: other coordinates, inputs or kind of rates.
+    """
+    known = config.data
+    if name is None or absolute_name(name) == config.source:
+        return read_source(config.source, seed=config.seed, space=config.space)
+    source = read_source(name, seed=config.seed)
+    given = source.dataset
+    if config.space is not None and given.space != known.space:
+        source = read_source(name, seed=config.seed, space=known.space)  # The run was told to read its data so.
+    elif given.space != known.space:
+        raise ValueError(
+            f"`{source.name}` must have the space of the run, `{known.space}`; got `{given.space}`. "
+            "Choose data of the mechanism that the model was trained on."
+        )
+    if (given.inputs, given.momenta) != (len(known.input_names), known.momenta):
+        kinds = {True: "momenta", False: "velocities"}
+        raise ValueError(
+            f"`{source.name}` must have inputs and rates as the run has, {len(known.input_names)} and "
+            f"{kinds[known.momenta]}; got {given.inputs} and {kinds[given.momenta]}."
+        )
+    return source
+
+
+def evaluation_solver(config: RunConfig) -> RK4:
+    """Solver of a run's rollouts: as fine as in training, and fine enough for the equations rather than their solver.
+
+    Args:
+        config: Settings of the run.
+
+    Returns:
+        The solver.
+    """
+    return RK4(max(_LEAST_SUBSTEPS, config.training.substeps, config.training.lm_substeps or 1))
+
+
+def train_run(
+    folder: Path,
+    config: RunConfig,
+    dataset: Dataset,
+    *,
+    resume: bool = False,
+    max_minutes: float | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> FitResult:
+    """Train, and keep everything in a folder.
+
+    Args:
+        folder: Folder of the run.
+        config: Its settings.
+        dataset: Its data.
+        resume: Go on from the latest checkpoint.
+        max_minutes: Stop after this time with the best model so far.
+        progress: Called after every stride.
+
+    Returns:
+        The model and how training ended; the folder then holds `config.json` and `model.safetensors`.
+
+    Raises:
+        ValueError: If the folder is not empty and nothing is to be resumed.
+    """
+    if not resume and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ValueError(
+            f"`{folder}` must be empty or absent; there is something already. Continue a run that was interrupted by "
+            "--resume, or choose another folder."
+        )
+    if not (resume and holds_run(folder)):
+        write_run(folder, config)
+    report = {} if progress is None else {"progress": progress}
+    result = fit(
+        dataset,
+        model=config.model,
+        config=config.training,
+        folder=folder,
+        resume=resume,
+        max_minutes=max_minutes,
+        **report,
+    )
+    save(folder / "model.safetensors", result.model)
+    return result

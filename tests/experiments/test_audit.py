@@ -1,0 +1,121 @@
+"""The power audit: silent on the true system, loud on a wrong one."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+from symoden.experiments import Ranges, anchor, audit, inspect_model, simulate, task
+from symoden.integrate import RK4
+from symoden.models import BlockConfig, ModelConfig, build
+from symoden.spaces import Space
+
+PLAIN = BlockConfig(constant=True)
+SMALL = {"inverse_mass": PLAIN, "potential": BlockConfig(hidden=(4,)), "flow": (8,), "energy": (8,)}
+
+
+def small(kind, space, inputs=1, **options):
+    settings = {"actuation": PLAIN, "friction": PLAIN, "knees": (), **SMALL}
+    config = ModelConfig(kind=kind, **(settings | options.pop("config", {})))
+    return build(config, Space.parse(space), inputs, key=jax.random.key(1), **options)
+
+
+@pytest.fixture(scope="module")
+def cartpole():
+    return simulate(task("cartpole"), train_initials=4, test_initials=2).dataset
+
+
+def audited(model, dataset, **options):
+    solver = RK4(options.pop("substeps", 4))
+    return audit(model, dataset.test, ranges=Ranges.of(dataset.train), hold=dataset.hold, solver=solver)
+
+
+def test_the_true_system_balances_its_energy(cartpole):
+    found = audited(task("cartpole").system, cartpole)
+    assert found.rollout_violation < 1e-7
+    assert found.log_residual_max < 1e-5
+    assert found.diverged == 0
+    assert found.inverse_mass_min > 0
+    assert found.dissipation_min == pytest.approx(0, abs=1e-12)
+
+
+def test_the_violation_along_rollouts_falls_with_the_fourth_power_of_the_step(cartpole):
+    coarse, fine = (audited(task("cartpole").system, cartpole, substeps=k).rollout_violation for k in (1, 2))
+    assert np.log2(coarse / fine) == pytest.approx(4, abs=0.6)
+
+
+@pytest.mark.parametrize("kind", ["dissipative", "unstructured", "symoden"])
+@pytest.mark.parametrize("full", [False, True])
+def test_every_model_with_an_energy_balances_it_along_rollouts_whatever_its_weights(cartpole, kind, full):
+    found = audited(small(kind, "R1 T1", config={"full_friction": full}), cartpole)
+    assert found.rollout_violation < 1e-6
+    assert found.dissipation_min > -1e-12
+
+
+def test_a_wrong_model_fails_the_balance_of_the_recordings(cartpole):
+    heavy = dataclasses.replace(task("cartpole").system, pole_mass=1.0)
+    assert audited(heavy, cartpole).log_residual_median > 0.01
+    assert audited(heavy, cartpole).rollout_violation < 1e-7
+
+
+@pytest.mark.parametrize("kind", ["naive", "geometric"])
+def test_a_model_without_energy_is_audited_for_its_range_alone(cartpole, kind):
+    found = audited(small(kind, "R1 T1"), cartpole)
+    assert found.rollout_violation is found.log_residual_max is found.dissipation_min is None
+    assert 0 <= found.outside <= 1
+
+
+def test_training_data_lie_inside(cartpole):
+    found = audit(task("cartpole").system, cartpole.train, ranges=Ranges.of(cartpole.train), hold="zero", solver=RK4())
+    assert found.outside == 0
+    assert found.recordings == len(cartpole.train)
+
+
+def test_no_recording_is_no_audit(cartpole):
+    with pytest.raises(ValueError, match="at least one recording"):
+        audit(task("cartpole").system, (), ranges=Ranges.of(cartpole.train), hold="zero", solver=RK4())
+
+
+def test_eigenvalues_of_the_true_mass_matrix_are_found(cartpole):
+    found = inspect_model(task("cartpole").system, Ranges.of(cartpole.train))
+    low, high = found.mass_matrix_eigenvalues
+    # Of [[1, a], [a, 1/6]] with a = cos θ / 4.
+    extreme = np.linalg.eigvalsh([[1, 0.25], [0.25, 1 / 6]])
+    assert low == pytest.approx(extreme[0], rel=0.05)
+    assert high == pytest.approx(extreme[1], rel=0.05)
+    assert found.dissipation_eigenvalues == pytest.approx((0, 0.05), abs=1e-12)
+
+
+def test_profiles_follow_the_blocks(cartpole):
+    system = task("cartpole").system
+    along_angle = inspect_model(system, Ranges.of(cartpole.train), points=7).profiles[1]
+    assert along_angle.values[[0, -1]] == pytest.approx([-np.pi, np.pi])
+    expected = 0.5 * 9.8 * 0.5 * (1 + np.cos(along_angle.values))
+    np.testing.assert_allclose(along_angle.potential_energy, expected, atol=1e-9)
+    np.testing.assert_allclose(along_angle.mass_matrix[:, 0, 1] ** 2, np.cos(along_angle.values) ** 2 / 16, atol=1e-9)
+    np.testing.assert_allclose(along_angle.input_matrix[:, :, 0], [[1, 0]] * 7, atol=1e-12)
+
+
+def test_friction_is_a_force_along_each_velocity(cartpole):
+    found = inspect_model(task("cartpole").system, Ranges.of(cartpole.train))
+    _, pole = found.friction
+    np.testing.assert_allclose(pole.force, 0.05 * pole.velocities)
+    assert pole.velocities[-1] == pytest.approx(found.velocities[1])
+
+
+@pytest.mark.parametrize("kind", ["dissipative", "unstructured", "symoden", "naive", "geometric"])
+@pytest.mark.parametrize("momenta", [False, True])
+def test_every_model_can_be_inspected(cartpole, kind, momenta):
+    model = small(kind, "R1 T1", momenta=momenta)
+    found = inspect_model(model, Ranges.of(cartpole.train))
+    assert (found.mass_matrix_eigenvalues is None) == (kind == "naive")
+    assert (found.dissipation_eigenvalues is None) == (kind in ("naive", "geometric"))
+    if found.mass_matrix_eigenvalues is not None and (kind, momenta) != ("unstructured", True):
+        assert 0 < found.mass_matrix_eigenvalues[0] <= found.mass_matrix_eigenvalues[1]
+    assert found.anchor == ("momenta measured" if momenta else "none: only ratios are known")
+
+
+@pytest.mark.parametrize("kind", ["dissipative", "unstructured", "symoden"])
+def test_a_known_input_matrix_fixes_the_scale(kind):
+    assert anchor(small(kind, "R1 T1", input_matrix=np.array([[1.0], [0.0]]))) == "input_matrix given"

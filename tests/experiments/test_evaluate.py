@@ -1,0 +1,173 @@
+"""Scores: against loops written out, exact on the true system, finite whatever a model does."""
+
+import dataclasses
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.data import Dataset, Trajectory
+from symoden.experiments import Source, predict, score_recordings, score_task, simulate, task
+from symoden.integrate import RK4, rollout
+from symoden.models import BlockConfig, ModelConfig, build
+from symoden.spaces import Space
+from symoden.systems import Pendulum
+
+FINE = RK4(16)
+PLAIN = BlockConfig(constant=True)
+SMALL = {"inverse_mass": PLAIN, "potential": BlockConfig(hidden=(4,)), "flow": (8,), "energy": (8,)}
+
+
+def small(kind, space, inputs=1, *, momenta=False):
+    config = ModelConfig(kind=kind, actuation=PLAIN, friction=PLAIN, knees=(), **SMALL)
+    return build(config, Space.parse(space), inputs, momenta=momenta, key=jax.random.key(1))
+
+
+@functools.cache
+def few_simulated(name):
+    return simulate(task(name), train_initials=2, test_initials=1)
+
+
+def few(name, *, space=None):
+    chosen, data = task(name), few_simulated(name)
+    dataset = data.dataset if space is None else dataclasses.replace(data.dataset, space=space)
+    return Source(name=name, dataset=dataset, task=chosen, prediction=data.prediction)
+
+
+def recorded(ts, *, name="swing", initial_samples=1):
+    """Oscillation that no pendulum makes, under an input that changes at every sample."""
+    ts = np.asarray(ts)
+    us = np.sign(np.sin(7 * ts))[:, None]
+    q, rates = np.sin(3 * ts)[:, None], 3 * np.cos(3 * ts)[:, None]
+    return Trajectory(name=name, ts=ts, q=q, rates=rates, us=us, initial_samples=initial_samples)
+
+
+@eqx.filter_jit
+def roll_out(system, q0, rates0, ts, us):
+    return rollout(system, q0, rates0, ts, us, solver=RK4(4))
+
+
+def written_out(system, recording, start, stop):
+    """Errors of the positions of one rollout."""
+    part = slice(start, stop)
+    columns = (recording.q[start], recording.rates[start], recording.ts[part], recording.us[part])
+    path = roll_out(system, *map(jnp.asarray, columns))
+    return np.asarray(path.q) - recording.q[part]
+
+
+@pytest.mark.parametrize("name", ["pendulum-canonical", "cartpole-full"])
+def test_the_true_system_has_no_error(name):
+    source = few(name)
+    score = score_task(source.task.system, source, solver=FINE)
+    assert max(score.train.mean, score.test.mean, score.prediction.mean) < 1e-8
+
+
+def test_errors_are_sums_over_samples_and_channels_and_means_over_trajectories():
+    source = few("cartpole")
+    model = small("dissipative", "R1 T1")
+    score = score_task(model, source, solver=RK4(4))
+    sums = []
+    for recording in source.dataset.train:
+        columns = (recording.q[0], recording.rates[0], recording.ts, recording.us)
+        path = roll_out(model, *map(jnp.asarray, columns))
+        x, phi = recording.q.T
+        truth = np.stack([x, np.cos(phi), np.sin(phi), *recording.rates.T], axis=1)
+        sums.append(np.sum((np.asarray(path.observations) - truth) ** 2))
+    assert score.train.mean == pytest.approx(np.mean(sums), rel=1e-9)
+    assert score.train.std == pytest.approx(np.std(sums), rel=1e-9)
+
+
+def test_a_model_told_that_a_number_is_an_angle_is_scored_on_the_number():
+    source = few("pendulum-canonical", space="T1")
+    truth = Pendulum(gravity=10.0, damping=0.1, momenta=True)
+    assert score_task(truth, source, solver=FINE).prediction.mean < 1e-6
+    model = small("naive", "T1", momenta=True)
+    paths = predict(model, source.prediction, hold="zero", solver=RK4(4))
+    sums = [
+        np.sum((path.q - recording.q) ** 2) + np.sum((path.rates - recording.rates) ** 2)
+        for path, recording in zip(paths, source.prediction, strict=True)
+    ]
+    assert score_task(model, source, solver=RK4(4)).prediction.mean == pytest.approx(np.mean(sums), rel=1e-9)
+
+
+def test_a_data_set_has_no_task_errors():
+    source = Source(name="arm", dataset=Dataset(name="arm", space="T1", train=(recorded(0.1 * np.arange(9)),)))
+    with pytest.raises(ValueError, match="those of a task"):
+        score_task(Pendulum(), source, solver=RK4())
+
+
+def test_windows_last_a_second_and_start_every_quarter_of_one():
+    recording = recorded(0.05 * np.arange(41))
+    (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(4))
+    starts = range(0, 21, 5)
+    errors = [np.sqrt(np.mean(written_out(Pendulum(), recording, k, k + 21)[1:] ** 2)) for k in starts]
+    assert score.window_rmse.horizon_s == 1.0
+    assert score.window_rmse.median == pytest.approx(np.median(errors), rel=1e-9)
+    assert score.window_rmse.mean == pytest.approx(np.mean(errors), rel=1e-9)
+    whole = written_out(Pendulum(), recording, 0, 41)[1:]
+    assert score.rollout_rmse == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-9)
+    assert (score.name, score.split, score.samples) == ("swing", "train", 41)
+
+
+def test_windows_of_irregular_samples_never_exceed_a_second():
+    steps = np.random.default_rng(0).uniform(0.02, 0.09, 60)
+    recording = recorded(np.concatenate([[0.0], np.cumsum(steps)]))
+    (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", test=(recording,), train=()), solver=RK4(4))
+    errors = []
+    for start in np.arange(0.0, recording.duration - 1, 0.25):
+        k = int(np.argmax(recording.ts >= start))
+        if recording.ts[k] + 1 <= recording.ts[-1]:
+            stop = k + int(np.sum((recording.ts[k:] - recording.ts[k]) <= 1))
+            errors.append(np.sqrt(np.mean(written_out(Pendulum(), recording, k, stop)[1:] ** 2)))
+    assert len(errors) > 3
+    assert score.window_rmse.median == pytest.approx(np.median(errors), rel=1e-9)
+
+
+def test_scoring_starts_after_the_initial_samples():
+    recording = recorded(0.05 * np.arange(31), initial_samples=6)
+    (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(4))
+    errors = [np.sqrt(np.mean(written_out(Pendulum(), recording, k, k + 21)[1:] ** 2)) for k in (5, 10)]
+    assert score.window_rmse.mean == pytest.approx(np.mean(errors), rel=1e-9)
+    whole = written_out(Pendulum(), recording, 0, 31)[6:]
+    assert score.rollout_rmse == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-9)
+
+
+def test_other_recordings_and_their_padding_change_nothing():
+    recordings = [recorded(0.05 * np.arange(k), name=str(k)) for k in (25, 33, 47, 64, 65)]
+    together = predict(Pendulum(), recordings, hold="zero", solver=RK4(2))
+    for recording, path in zip(recordings, together, strict=True):
+        (alone,) = predict(Pendulum(), [recording], hold="zero", solver=RK4(2))
+        np.testing.assert_allclose(path.q, alone.q, rtol=1e-12)
+        assert path.q.shape == recording.q.shape
+
+
+def test_inputs_are_held_as_the_data_say():
+    recording = recorded(0.1 * np.arange(20))
+    held, joined = (predict(Pendulum(), [recording], hold=hold, solver=RK4(2))[0].q for hold in ("zero", "linear"))
+    assert np.abs(held - joined).max() > 1e-3
+
+
+def test_too_short_a_recording_has_no_window():
+    recording = recorded(0.05 * np.arange(20))
+    (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(1))
+    assert np.isnan(score.window_rmse.median)
+    assert np.isfinite(score.rollout_rmse)
+
+
+def test_a_diverging_model_has_infinite_errors():
+    recording = recorded(0.05 * np.arange(41))
+    model = eqx.tree_at(lambda m: m.scale.array, small("naive", "T1"), replace_fn=lambda x: 1e150 * x)
+    (score,) = score_recordings(model, Dataset(name="d", space="T1", train=(recording,)), solver=RK4(1))
+    assert score.window_rmse.median == score.window_rmse.mean == score.rollout_rmse == np.inf
+    assert not np.isfinite(score_task(model, few("pendulum"), solver=RK4(1)).train.mean)
+
+
+def test_a_naive_models_angles_go_on_from_the_measured_ones():
+    turned = dataclasses.replace(recording := recorded(0.05 * np.arange(41)), q=recording.q + 20 * np.pi)
+    paths = predict(small("naive", "T1"), [recording, turned], hold="zero", solver=RK4(2))
+    np.testing.assert_allclose(paths[1].q, paths[0].q + 20 * np.pi, atol=1e-9)
+    assert abs(paths[1].q[0, 0] - turned.q[0, 0]) < 1e-9
+    assert np.abs(np.diff(paths[1].q[:, 0])).max() < np.pi

@@ -1,0 +1,200 @@
+"""A run's settings come back as they were written, and nothing else is taken for them."""
+
+import dataclasses
+import json
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.data import Dataset, Trajectory
+from symoden.experiments import (
+    Ranges,
+    RunConfig,
+    evaluation_solver,
+    read_model,
+    read_run,
+    read_run_source,
+    summarize,
+    train_run,
+    write_run,
+)
+from symoden.models import BlockConfig, ModelConfig, build, save
+from symoden.spaces import Space
+from symoden.storage import StorageError
+from symoden.training import TrainingConfig
+
+PLAIN = BlockConfig(constant=True)
+SMALL = ModelConfig(inverse_mass=PLAIN, potential=BlockConfig(hidden=(4,)), actuation=PLAIN, friction=PLAIN, knees=())
+
+
+def swing(name="swing", *, samples=30, size=1):
+    ts = 0.1 * np.arange(samples)
+    q = np.stack([np.cos(ts + i) for i in range(size)], axis=1)
+    rates = np.stack([-np.sin(ts + i) for i in range(size)], axis=1)
+    return Trajectory(name=name, ts=ts, q=q, rates=rates, us=np.ones((samples, 1)))
+
+
+def settings(**changes):
+    dataset = Dataset(name="swing", space="T1", train=(swing(),))
+    training = TrainingConfig(adam_steps=3, lm_steps=0, clip=None)
+    plain = {"source": "pendulum", "model": SMALL, "training": training, "data": summarize(dataset)}
+    return RunConfig(**(plain | changes))
+
+
+def changed(folder, change):
+    path = folder / "config.json"
+    value = json.loads(path.read_text())
+    change(value)
+    path.write_text(json.dumps(value))
+
+
+@pytest.mark.parametrize("kind", ["dissipative", "unstructured", "symoden", "naive", "geometric"])
+def test_settings_come_back_as_they_were(tmp_path, kind):
+    config = settings(model=ModelConfig(kind=kind), space="R1", seed=7, preset="paper")
+    write_run(tmp_path / "run", config)
+    assert read_run(tmp_path / "run") == config
+
+
+def test_versions_and_commit_are_kept(tmp_path):
+    write_run(tmp_path, settings())
+    kept = read_run(tmp_path)
+    assert kept.versions["jax"] == jax.__version__
+    assert kept.commit is None or len(kept.commit) == 40
+
+
+def test_a_setting_added_later_takes_its_default(tmp_path):
+    write_run(tmp_path, settings())
+    changed(tmp_path, lambda value: value["training"].pop("patience"))
+    assert read_run(tmp_path).training.patience == TrainingConfig().patience
+
+
+def misspelt(value):
+    value["training"]["learning_rte"] = 1.0
+
+
+def text_for_number(value):
+    value["training"]["adam_steps"] = "many"
+
+
+def fraction_for_count(value):
+    value["training"]["adam_steps"] = 1.5
+
+
+def truth_for_count(value):
+    value["seed"] = True
+
+
+def unknown_kind(value):
+    value["model"]["kind"] = "magic"
+
+
+def number_for_layers(value):
+    value["model"]["potential"]["hidden"] = 4
+
+
+def without_data(value):
+    del value["data"]
+
+
+def negative_count(value):
+    value["training"]["batch_size"] = 0
+
+
+def one_bound(value):
+    value["data"]["ranges"]["rates"] = [[1.0]]
+
+
+REFUSED = {
+    misspelt: r"config.json`, `training` has no key `learning_rte`",
+    text_for_number: r"`training`, `adam_steps` must be int; got 'many'",
+    fraction_for_count: r"`adam_steps` must be int; got 1.5",
+    truth_for_count: r"`seed` must be int; got True",
+    unknown_kind: r"`kind` must be .*dissipative.*; got 'magic'",
+    number_for_layers: r"`potential`, `hidden` must be tuple.*; got 4",
+    without_data: r"must have the key `data`",
+    negative_count: r"`batch_size` must be at least 1; got 0",
+    one_bound: r"`ranges`, `rates` must be tuple\[float, float\]; got \[1.0\]",
+}
+
+
+@pytest.mark.parametrize("change", REFUSED, ids=lambda change: change.__name__)
+def test_settings_that_are_no_settings_are_refused(tmp_path, change):
+    write_run(tmp_path, settings())
+    changed(tmp_path, change)
+    with pytest.raises(StorageError, match=REFUSED[change]):
+        read_run(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", "\x00", '{"source": NaN}'])
+def test_a_damaged_config_is_refused(tmp_path, text):
+    (tmp_path / "config.json").write_text(text)
+    with pytest.raises(StorageError, match=r"config\.json"):
+        read_run(tmp_path)
+
+
+def test_a_folder_that_is_no_run_is_refused(tmp_path):
+    with pytest.raises(StorageError, match="must be the folder of a run"):
+        read_run(tmp_path)
+
+
+def test_a_run_without_its_model_says_that_training_did_not_end(tmp_path):
+    write_run(tmp_path, settings())
+    with pytest.raises(StorageError, match=r"its training did not end\. Resume it"):
+        read_model(tmp_path)
+    save(tmp_path / "model.safetensors", build(SMALL, Space.parse("T1"), 1, key=jax.random.key(0)))
+    assert read_model(tmp_path).inputs == 1
+
+
+def test_training_never_overwrites_what_is_there(tmp_path):
+    (tmp_path / "precious.txt").write_text("data")
+    with pytest.raises(ValueError, match="must be empty or absent"):
+        train_run(tmp_path, settings(), Dataset(name="swing", space="T1", train=(swing(),)))
+    with pytest.raises(ValueError, match="must be empty or absent"):
+        train_run(tmp_path / "precious.txt", settings(), Dataset(name="swing", space="T1", train=(swing(),)))
+    assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
+
+
+def test_rollouts_are_at_least_as_fine_as_in_training():
+    assert evaluation_solver(settings()).substeps == 4
+    assert evaluation_solver(settings(training=TrainingConfig(lm_substeps=8))).substeps == 8
+
+
+def test_other_data_must_be_of_the_same_mechanism():
+    config = settings(source="pendulum", data=dataclasses.replace(settings().data, input_names=("u",)))
+    assert read_run_source(config).name == "pendulum"
+    with pytest.raises(ValueError, match="must have the space of the run, `T1`; got `R1 T1`"):
+        read_run_source(config, "cartpole")
+    momenta = dataclasses.replace(config, data=dataclasses.replace(config.data, momenta=True))
+    with pytest.raises(ValueError, match="1 and momenta; got 1 and velocities"):
+        read_run_source(dataclasses.replace(momenta, source="cartpole"), "pendulum")
+
+
+def test_a_run_that_was_told_its_space_reads_other_data_so():
+    data = dataclasses.replace(settings().data, momenta=True)
+    told = settings(source="arm.toml", space="T1", data=data)
+    assert read_run_source(told, "pendulum-canonical").dataset.space == "T1"
+
+
+def test_the_digest_tells_data_apart():
+    one, other = (Dataset(name="d", space="T1", train=(swing(samples=k),)) for k in (30, 31))
+    assert summarize(one).digest != summarize(other).digest
+
+
+@given(turns=st.integers(-5, 5), size=st.integers(1, 3))
+def test_training_data_are_inside_their_range_however_often_angles_turned(turns, size):
+    recording = swing(size=size)
+    ranges, space = Ranges.of([recording]), Space.parse(f"T{size}")
+    turned = dataclasses.replace(recording, q=recording.q + 2 * np.pi * turns)
+    assert not ranges.outside(turned, space).any()
+    assert turns == 0 or ranges.outside(turned, Space.parse(f"R{size}")).all()
+
+
+@pytest.mark.parametrize("column", ["q", "rates", "us"])
+def test_a_sample_that_training_never_saw_is_outside(column):
+    recording = swing()
+    values = getattr(recording, column).copy()
+    values[7] = 1.5 if column == "q" else -1.5
+    away = Ranges.of([recording]).outside(dataclasses.replace(recording, **{column: values}), Space.parse("T1"))
+    assert np.flatnonzero(away).tolist() == [7]
