@@ -1,12 +1,14 @@
 """Functions from a configuration to coefficients: networks of the embedded coordinates, learned constants, sums."""
 
 import abc
+import itertools
 from collections.abc import Callable
 from typing import final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from symoden.shapes import Coordinates
@@ -62,30 +64,33 @@ class Perceptron(eqx.Module):
 
     @classmethod
     def init(
-        cls, sizes: tuple[int, ...], *, activation: str = "silu", last: float = 1.0, key: PRNGKeyArray
+        cls,
+        sizes: tuple[int, ...],
+        *,
+        activation: str = "silu",
+        center: np.ndarray | None = None,
+        scale: np.ndarray | None = None,
+        key: PRNGKeyArray,
     ) -> "Perceptron":
         """Draw orthogonal weights and zero biases.
 
         Args:
             sizes: Widths of the layers, from the input to the output.
             activation: Name of the nonlinearity.
-            last: Factor on the last layer's weights; 0 makes the network start as zero.
+            center: Subtracted from the input; zeros if absent.
+            scale: Divides the centred input; ones if absent.
             key: Source of the weights.
 
         Returns:
-            The network, its inputs not standardised.
+            The network.
         """
         keys = jax.random.split(key, len(sizes) - 1)
         orthogonal = jax.nn.initializers.orthogonal()
-        weights = [
-            orthogonal(k, shape, float) for k, shape in zip(keys, zip(sizes, sizes[1:], strict=False), strict=True)
-        ]
-        weights[-1] = last * weights[-1]
         return cls(
-            weights=tuple(weights),
+            weights=tuple(orthogonal(k, shape, float) for k, shape in zip(keys, itertools.pairwise(sizes), strict=True)),
             biases=tuple(jnp.zeros(size, float) for size in sizes[1:]),
-            center=Known(jnp.zeros(sizes[0], float)),
-            scale=Known(jnp.ones(sizes[0], float)),
+            center=Known(jnp.asarray(np.zeros(sizes[0]) if center is None else center, float)),
+            scale=Known(jnp.asarray(np.ones(sizes[0]) if scale is None else scale, float)),
             activation=activation,
         )
 

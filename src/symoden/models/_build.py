@@ -235,19 +235,17 @@ class _Maker:
 
     def energy(self, key: PRNGKeyArray) -> Perceptron:
         """H as a network of (embedded q, p)."""
-        center, scale = self._standard(self.scales.momentum)
-        return self._perceptron((len(center), *self.config.energy, 1), center, scale, key=key)
+        return self._perceptron(self._standard(self.scales.momentum), self.config.energy, 1, key=key)
 
     def flow(self, key: PRNGKeyArray) -> Perceptron:
         """(q̇, ṗ) as a network of (embedded q, p, u)."""
-        center, scale = self._standard(self.scales.momentum, self.scales.input)
-        return self._perceptron((len(center), *self.config.flow, 2 * self.space.size), center, scale, key=key)
+        standard = self._standard(self.scales.momentum, self.scales.input)
+        return self._perceptron(standard, self.config.flow, 2 * self.space.size, key=key)
 
     def naive_flow(self, key: PRNGKeyArray) -> Perceptron:
         """Derivative of the observation as a network of the observation and u."""
-        outputs = len(self.naive_scale().array)
-        center, scale = self._standard(self._rates(), self.scales.input)
-        return self._perceptron((len(center), *self.config.flow, outputs), center, scale, key=key)
+        standard = self._standard(self._rates(), self.scales.input)
+        return self._perceptron(standard, self.config.flow, len(self.naive_scale().array), key=key)
 
     def naive_scale(self) -> Known:
         """Units of the derivative of the observation; those of (ṙ, d cos φ, d sin φ) follow from the velocities."""
@@ -259,16 +257,20 @@ class _Maker:
         """Units of the data's rates."""
         return self.scales.momentum if self.momenta else self.scales.velocity
 
-    def _standard(self, *others: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Centre and scale of a network's input: the embedded coordinates, then the others."""
-        spread = np.concatenate([self.scales.spread, *others])
-        return np.concatenate([self.scales.center, np.zeros(len(spread) - len(self.scales.center))]), spread
+    def _standard(self, *others: np.ndarray) -> dict[str, np.ndarray]:
+        """How a network's input is standardised: the embedded coordinates, then the others."""
+        zeros = np.zeros(sum(len(other) for other in others))
+        return {
+            "center": np.concatenate([self.scales.center, zeros]),
+            "scale": np.concatenate([self.scales.spread, *others]),
+        }
 
     def _perceptron(
-        self, sizes: tuple[int, ...], center: np.ndarray, scale: np.ndarray, *, key: PRNGKeyArray
+        self, standard: dict[str, np.ndarray], hidden: tuple[int, ...], outputs: int, *, key: PRNGKeyArray
     ) -> Perceptron:
-        network = Perceptron.init(sizes, activation=self.config.activation, key=key)
-        return Perceptron(network.weights, network.biases, _known(center), _known(scale), network.activation)
+        """Network of standardised inputs."""
+        sizes = (len(standard["center"]), *hidden, outputs)
+        return Perceptron.init(sizes, activation=self.config.activation, **standard, key=key)
 
     def _function(
         self, config: BlockConfig, size: int, *, base: np.ndarray | float | None = None, key: PRNGKeyArray
@@ -277,8 +279,7 @@ class _Maker:
         constant = Constant(jnp.broadcast_to(jnp.asarray(0.0 if base is None else base, float), (size,)))
         if not config.hidden:
             return constant
-        center, scale = self._standard()
-        perceptron = self._perceptron((len(center), *config.hidden, size), center, scale, key=key)
+        perceptron = self._perceptron(self._standard(), config.hidden, size, key=key)
         if config.constant:
             silent = Perceptron(
                 weights=(*perceptron.weights[:-1], jnp.zeros_like(perceptron.weights[-1])),
