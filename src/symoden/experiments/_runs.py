@@ -239,6 +239,22 @@ def evaluation_solver(config: RunConfig) -> RK4:
     return RK4(max(_LEAST_SUBSTEPS, config.training.substeps, config.training.lm_substeps or 1))
 
 
+def refuse_occupied(folder: Path) -> None:
+    """Refuse to begin a run where something is already.
+
+    Args:
+        folder: Folder of the run to be.
+
+    Raises:
+        ValueError: If it is a file, or a folder that is not empty.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ValueError(
+            f"`{folder}` must be empty or absent; there is something already. Continue a run that was interrupted by "
+            "--resume, or choose another folder."
+        )
+
+
 def train_run(
     folder: Path,
     config: RunConfig,
@@ -262,24 +278,21 @@ def train_run(
         The model and how training ended; the folder then holds `config.json` and `model.safetensors`.
 
     Raises:
-        ValueError: If the folder is not empty and nothing is to be resumed.
+        ValueError: If the folder is not empty and nothing is to be resumed, or nothing can be learned from the data;
+            nothing is left behind then.
     """
-    if not resume and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ValueError(
-            f"`{folder}` must be empty or absent; there is something already. Continue a run that was interrupted by "
-            "--resume, or choose another folder."
-        )
-    if not (resume and holds_run(folder)):
+    fresh = not (resume and holds_run(folder))
+    if fresh:
+        refuse_occupied(folder)
         write_run(folder, config)
     report = {} if progress is None else {"progress": progress}
-    result = fit(
-        dataset,
-        model=config.model,
-        config=config.training,
-        folder=folder,
-        resume=resume,
-        max_minutes=max_minutes,
-        **report,
-    )
+    options = {"folder": folder, "resume": not fresh, "max_minutes": max_minutes}
+    try:
+        result = fit(dataset, model=config.model, config=config.training, **options, **report)
+    except ValueError:
+        if fresh and [path.name for path in folder.iterdir()] == ["config.json"]:
+            (folder / "config.json").unlink()  # Nothing was begun: the folder is free for corrected data.
+            folder.rmdir()
+        raise
     save(folder / "model.safetensors", result.model)
     return result

@@ -1,0 +1,133 @@
+"""What each command can be told. Nothing here imports JAX, so that `--help` is quick."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Final, TypeAlias
+
+from tyro.conf import Positional, arg
+
+SourceName: TypeAlias = Annotated[Positional[str], arg(metavar="SOURCE")]
+RunFolder: TypeAlias = Annotated[Positional[Path], arg(metavar="RUN")]
+ArrayFile: TypeAlias = Annotated[Path, arg(metavar="FILE.npz")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class General:
+    """How to report.
+
+    Attributes:
+        json: Print one JSON object as the last line of standard output.
+        debug: Log what is done, and show the traceback of an error.
+    """
+
+    json: bool = False
+    debug: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulate:
+    """Simulate a task's trajectories, accurate to 1e-9, into an NPZ file.
+
+    The file holds `train_ts` (T,), `train_q` and `train_rates` (trajectory, T, coordinate), `train_us` (trajectory, T,
+    input), the same of `test` and `prediction`; and `task`, `space`, `seed`, `momenta` (whether rates are momenta).
+
+    Attributes:
+        task: pendulum-canonical, pendulum, cartpole, acrobot, cartpole-full or acrobot-full.
+        out: File to write.
+        seed: Seed of the initial conditions.
+        general: How to report.
+    """
+
+    task: Annotated[Positional[str], arg(metavar="TASK")]
+    out: ArrayFile
+    seed: int = 0
+    general: General = field(default_factory=General)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train:
+    """Train a model on a task or a data set.
+
+    Attributes:
+        source: A task (pendulum-canonical, pendulum, cartpole, acrobot, cartpole-full, acrobot-full) or the TOML file
+            that describes a data set.
+        out: Folder of the run, absent or empty: config.json, model.safetensors, metrics.jsonl, checkpoints/.
+        model: Kind of model: dissipative, unstructured, symoden, naive or geometric.
+        preset: Settings: default (Adam, then Levenberg-Marquardt) or paper (its sizes and Adam).
+        space: Configuration space instead of the source's own, such as "T1" for an angle that it calls a number.
+        seed: Seed of a task's initial conditions, of the initial weights and of the batches.
+        resume: Continue the run in the folder, with its settings.
+        max_minutes: Stop after this time with the best model so far.
+        general: How to report.
+    """
+
+    source: SourceName
+    out: Annotated[Path, arg(metavar="RUN")]
+    model: Annotated[str | None, arg(metavar="KIND", help_behavior_hint="(default: dissipative)")] = None
+    preset: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: default)")] = None
+    space: Annotated[str | None, arg(metavar="S", help_behavior_hint="(default: the source's)")] = None
+    seed: Annotated[int | None, arg(metavar="INT", help_behavior_hint="(default: 0)")] = None
+    resume: bool = False
+    max_minutes: Annotated[float | None, arg(metavar="M", help_behavior_hint="(default: no limit)")] = None
+    general: General = field(default_factory=General)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """Score a model: the paper's errors on a task, position errors on the recordings of a data set.
+
+    On a task: the sum of squared errors over each trajectory's samples and observed channels, mean and standard
+    deviation over trajectories. On a data set: position RMSE over windows of 1 s started every 0.25 s, and of one
+    rollout from the start of the whole recording, in the data's units.
+
+    Attributes:
+        run: Folder of the run.
+        source: Another task or description than the run's own.
+        general: How to report.
+    """
+
+    run: RunFolder
+    source: Annotated[Positional[str | None], arg(metavar="[SOURCE]", help_behavior_hint="(default: the run's)")] = None
+    general: General = field(default_factory=General)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Predict:
+    """Roll out a model along recordings, each from its first state under its inputs, into an NPZ file.
+
+    For each recording NAME the file holds NAME/ts (T,) [s], NAME/q, NAME/rates, NAME/u as recorded, and
+    NAME/q_predicted, NAME/rates_predicted (T, n); rates are velocities or momenta as in the data. Where a name occurs
+    in several parts, NAME is PART:NAME, such as test:swing#1.
+
+    Attributes:
+        run: Folder of the run.
+        source: A task or the description of a data set.
+        out: File to write.
+        general: How to report.
+    """
+
+    run: RunFolder
+    source: SourceName
+    out: ArrayFile
+    general: General = field(default_factory=General)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inspect:
+    """Show what a model learned: M, V, g and D over the data's range, their eigenvalues, and the power audit.
+
+    Attributes:
+        run: Folder of the run.
+        general: How to report.
+    """
+
+    run: RunFolder
+    general: General = field(default_factory=General)
+
+
+COMMANDS: Final[Mapping[str, type]] = MappingProxyType(
+    {"simulate": Simulate, "train": Train, "evaluate": Evaluate, "predict": Predict, "inspect": Inspect}
+)
+Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect

@@ -1,0 +1,98 @@
+"""Entry point: parse, run one command, and turn errors into one message and an exit status."""
+
+import importlib
+import importlib.metadata
+import inspect
+import logging
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any, Final, Union
+
+import tyro
+
+from ._arguments import COMMANDS, Command, Train
+
+FAILURE: Final = 1
+WRONG_INPUT: Final = 2
+INTERRUPTED: Final = 130
+
+_DESCRIPTION: Final = (
+    "Learn the inertia, potential energy, actuation and friction of a mechanism from its logs, as a port-Hamiltonian "
+    "system. `symoden COMMAND --help` explains a command; `symoden --version` prints the version."
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        arguments: Words after the program's name; those of the process if absent.
+
+    Returns:
+        Exit status: 0, or 1 for a failure, 2 for wrong usage or input, 130 for an interruption.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if words == ["--version"]:
+        print(importlib.metadata.version("symoden"))
+        return 0
+    try:
+        command = _parse(words)
+    except SystemExit as stop:
+        return stop.code if isinstance(stop.code, int) else WRONG_INPUT
+    try:
+        _carry_out(command)
+    except KeyboardInterrupt:
+        print(f"interrupted{_way_on(command)}", file=sys.stderr)
+        return INTERRUPTED
+    except Exception as error:
+        if command.general.debug:
+            raise
+        print(f"error: {_message(error)}", file=sys.stderr)
+        return _status(error)
+    return 0
+
+
+def _parse(words: list[str]) -> Command:
+    """Read the command, or exit with help or with what is wrong."""
+    config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
+    if words and words[0] in COMMANDS:
+        name = words[0]
+        return tyro.cli(COMMANDS[name], prog=f"symoden {name}", args=words[1:], config=config)
+    # Nothing is chosen, so this exits; one line explains each command.
+    choices = [
+        Annotated[kind, tyro.conf.subcommand(name, description=inspect.getdoc(kind).partition("\n")[0])]  # pyright: ignore[reportOptionalMemberAccess]
+        for name, kind in COMMANDS.items()
+    ]
+    union: Any = Union[tuple(choices)]  # noqa: UP007 - made at run time
+    return tyro.cli(union, prog="symoden", description=_DESCRIPTION, args=words, config=config)
+
+
+def _carry_out(command: Command) -> None:
+    """Import the module of the command, and JAX with it, and run it."""
+    if command.general.debug:
+        logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
+    importlib.import_module("._session", __package__).configure()
+    importlib.import_module(f"._{type(command).__name__.lower()}", __package__).run(command)
+
+
+def _way_on(command: Command) -> str:
+    """How to continue what was interrupted."""
+    if not isinstance(command, Train):
+        return ""
+    return f"; continue with: symoden train {command.source} --out {command.out} --resume"
+
+
+def _status(error: Exception) -> int:
+    """Wrong input if the error is a `ValueError`, unless the system itself refused, as a full disk does."""
+    refused = isinstance(error.__cause__, OSError)
+    return WRONG_INPUT if isinstance(error, ValueError) and not refused else FAILURE
+
+
+def _message(error: Exception) -> str:
+    """What to tell the user, in one line."""
+    from symoden.training import TrainingError
+
+    text = " ".join(str(error).split())
+    if isinstance(error, ValueError | TrainingError | OSError):
+        return text
+    return f"{type(error).__name__}: {text}. This should not happen; please report it with the output of --debug."

@@ -1,0 +1,96 @@
+"""Results on standard output: tables for people, one JSON object for programs."""
+
+import io
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from symoden.storage import write_atomically
+
+_WIDE = 200
+
+
+def console(*, stderr: bool = False) -> Console:
+    """Console that wraps nothing where no terminal has a width, and takes no text for markup.
+
+    Args:
+        stderr: Whether to write to standard error.
+
+    Returns:
+        The console.
+    """
+    made = Console(stderr=stderr, markup=False, highlight=False, emoji=False)
+    if not made.is_terminal:
+        made.width = _WIDE
+    return made
+
+
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Print a table, the first column to the left and numbers to the right.
+
+    Args:
+        title: Line above it.
+        columns: Heads of the columns.
+        rows: Cells, in the order of the columns.
+    """
+    out = console()
+    table = Table(box=box.SIMPLE_HEAD if out.is_terminal else None, pad_edge=False)
+    for i, column in enumerate(columns):
+        table.add_column(column, justify="left" if i == 0 else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*(number(cell) if isinstance(cell, float) else str(cell) for cell in row))
+    print(f"\n{title}", flush=True)
+    out.print(table)
+
+
+def number(value: float | None) -> str:
+    """Number in four digits, or a dash for none.
+
+    Args:
+        value: Any number.
+
+    Returns:
+        The text.
+    """
+    if value is None or math.isnan(value):
+        return "-"
+    return f"{value:.4g}"
+
+
+def print_json(value: Mapping[str, object]) -> None:
+    """Print one JSON object on one line.
+
+    Args:
+        value: The object; what is not finite becomes null.
+    """
+    print(json.dumps(_plain(value), allow_nan=False), flush=True)
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - JSON
+    """What JSON can express."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def save_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write an NPZ file whole or not at all.
+
+    Args:
+        path: The file.
+        arrays: Arrays by name.
+    """
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    write_atomically(path, buffer.getvalue())

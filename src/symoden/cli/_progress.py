@@ -1,0 +1,79 @@
+"""Progress of training: a bar on a terminal, plain lines elsewhere."""
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress as Bars, TaskID, TextColumn, TimeElapsedColumn
+
+from symoden.training import Progress
+
+from ._output import console, number
+
+_PAUSE = 2.0
+
+
+@contextlib.contextmanager
+def show_progress() -> Iterator[Callable[[Progress], None]]:
+    """Show progress on standard error while the context lasts.
+
+    Yields:
+        What to call with each report.
+    """
+    out = console(stderr=True)
+    if out.is_terminal:
+        with _bars(out) as bars:
+            yield _on_terminal(bars)
+    else:
+        yield _on_lines()
+
+
+def _bars(out: Console) -> Bars:
+    """Columns of the display."""
+    return Bars(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[losses]}"),
+        TimeElapsedColumn(),
+        console=out,
+    )
+
+
+def _on_terminal(bars: Bars) -> Callable[[Progress], None]:
+    """Draw a bar for each stage."""
+    tasks: dict[str, TaskID] = {}
+
+    def report(progress: Progress) -> None:
+        if progress.stage not in tasks:
+            for earlier in tasks.values():
+                bars.stop_task(earlier)
+            tasks[progress.stage] = bars.add_task(progress.stage, total=progress.steps, losses="")
+        bars.update(tasks[progress.stage], completed=progress.step, losses=_losses(progress))
+
+    return report
+
+
+def _on_lines() -> Callable[[Progress], None]:
+    """Print a line every few seconds, and at the first report and the end of each stage."""
+    last: tuple[str, float] = ("", 0.0)
+
+    def report(progress: Progress) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if progress.stage != last[0] or progress.step == progress.steps or now - last[1] >= _PAUSE:
+            last = (progress.stage, now)
+            steps = f"{progress.step}/{progress.steps}"
+            print(
+                f"{progress.stage} {steps}  {_losses(progress)}  {progress.seconds:.0f} s", file=sys.stderr, flush=True
+            )
+
+    return report
+
+
+def _losses(progress: Progress) -> str:
+    """Losses in words."""
+    validation = "" if progress.validation is None else f"  validation {number(progress.validation)}"
+    return f"loss {number(progress.loss)}{validation}"

@@ -1,0 +1,72 @@
+"""Scores as tables and as JSON, shared by `train` and `evaluate`."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from symoden.blocks import count_parameters
+from symoden.experiments import (
+    MeanStd,
+    RecordingScore,
+    RunConfig,
+    Source,
+    Task,
+    TaskScore,
+    evaluation_solver,
+    score_recordings,
+    score_task,
+)
+from symoden.mechanics import AbstractDynamics
+
+from ._output import number, print_table
+
+_ERRORS = ("train", "test", "prediction")
+
+
+def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> dict[str, object]:
+    """Score a model on a task or on a data set, and print the table unless JSON was asked for.
+
+    Args:
+        model: The run's model.
+        config: The run's settings.
+        source: What to score on.
+        json: Whether to leave the table out.
+
+    Returns:
+        The scores for JSON.
+    """
+    solver = evaluation_solver(config)
+    if source.task is None:
+        recordings = score_recordings(model, source.dataset, solver=solver)
+        if not json:
+            _print_recordings(recordings)
+        return {"recordings": [asdict(recording) for recording in recordings]}
+    score = score_task(model, source, solver=solver)
+    if not json:
+        _print_task(score, source.task, config.model.kind)
+    errors = {f"{name}_error": getattr(score, name)._asdict() for name in _ERRORS}
+    described = {"task": source.task.name, "model": config.model.kind, "parameters": count_parameters(model)}
+    return described | errors
+
+
+def _print_task(score: TaskScore, task: Task, kind: str) -> None:
+    """Errors beside the paper's."""
+    paper = task.paper.get(kind)
+    print_table(
+        f"{task.name}: squared error of rollouts, mean ± standard deviation over trajectories",
+        ("error", "symoden", "the paper"),
+        [(name, _spread(getattr(score, name)), _spread(getattr(paper, name)) if paper else "-") for name in _ERRORS],
+    )
+
+
+def _print_recordings(recordings: Sequence[RecordingScore]) -> None:
+    """Errors of every recording."""
+    print_table(
+        "position RMSE, in the data's units: over windows of 1 s, and of one rollout over the whole recording",
+        ("recording", "split", "samples", "1 s median", "1 s mean", "whole"),
+        [(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.rollout_rmse) for r in recordings],
+    )
+
+
+def _spread(error: MeanStd) -> str:
+    """Mean and standard deviation."""
+    return f"{number(error.mean)} ± {number(error.std)}"

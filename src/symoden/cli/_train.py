@@ -1,0 +1,135 @@
+"""`symoden train`."""
+
+import dataclasses
+import sys
+
+from symoden.blocks import count_parameters
+from symoden.experiments import (
+    RunConfig,
+    Source,
+    absolute_name,
+    holds_run,
+    preset,
+    read_run,
+    read_run_source,
+    read_source,
+    refuse_occupied,
+    summarize,
+    train_run,
+)
+from symoden.models import KINDS
+from symoden.training import FitResult
+
+from ._arguments import Train
+from ._output import print_json
+from ._progress import show_progress
+from ._scores import report_scores
+
+
+def run(command: Train) -> None:
+    """Train a model, and score it.
+
+    Args:
+        command: What to do.
+
+    Raises:
+        ValueError: If a setting is out of range.
+    """
+    if command.max_minutes is not None and not command.max_minutes > 0:
+        raise ValueError(f"`--max-minutes` must be positive; got {command.max_minutes}.")
+    resume = command.resume and holds_run(command.out)
+    if not resume:
+        refuse_occupied(command.out)
+    config, source = _continued(command) if resume else _new(command)
+    if command.resume and not resume:
+        print(f"{command.out} holds no run yet: starting it", file=sys.stderr)
+    print(_headline(config, source, command), file=sys.stderr, flush=True)
+    with show_progress() as progress:
+        result = train_run(
+            command.out,
+            config,
+            source.dataset,
+            resume=resume,
+            max_minutes=command.max_minutes,
+            progress=progress,
+        )
+    scores = report_scores(result.model, config, source, json=command.general.json)
+    if command.general.json:
+        print_json(_as_json(command, result) | scores)
+    else:
+        print(f"{result.outcome}, after {result.seconds:.0f} s; {count_parameters(result.model)} parameters")
+        print(f"the run is in {command.out}")
+
+
+def _new(command: Train) -> tuple[RunConfig, Source]:
+    """Settings of a new run, and its data."""
+    seed = command.seed or 0
+    kind = command.model or "dissipative"
+    if kind not in KINDS:
+        raise ValueError(f"`--model` must be one of {', '.join(KINDS)}; got {kind!r}.")
+    if seed < 0:
+        raise ValueError(f"`--seed` must be at least 0; got {seed}.")
+    name = command.preset or "default"
+    source_name = absolute_name(command.source)
+    task = source_name if source_name == command.source else None
+    model, training = preset(name, task=task, kind=kind)
+    source = read_source(command.source, seed=seed, space=command.space)
+    if not source.dataset.train:
+        raise ValueError(f"`{source.name}` must have recordings to train on; it has none. Give [train] files.")
+    config = RunConfig(
+        source=source.name,
+        seed=seed,
+        space=command.space,
+        preset=name,
+        model=model,
+        training=dataclasses.replace(training, seed=seed),
+        data=summarize(source.dataset),
+    )
+    return config, source
+
+
+def _continued(command: Train) -> tuple[RunConfig, Source]:
+    """Settings of the run to continue, and its data, which must be the same as before."""
+    config = read_run(command.out)
+    asked = {
+        "SOURCE": (absolute_name(command.source), config.source),
+        "--model": (command.model, config.model.kind),
+        "--preset": (command.preset, config.preset),
+        "--space": (command.space, config.space),
+        "--seed": (command.seed, config.seed),
+    }
+    for option, (given, saved) in asked.items():
+        if given is not None and given != saved:
+            raise ValueError(
+                f"`{option}` must be that of the run in `{command.out}` to continue it, {saved!r}; got {given!r}. "
+                "Leave it out, or start another run."
+            )
+    source = read_run_source(config)
+    if source.task is None and summarize(source.dataset).digest != config.data.digest:
+        raise ValueError(
+            f"`{source.name}`: the data must be those that the run in `{command.out}` began with; they have changed. "
+            "Restore them, or start another run."
+        )
+    return config, source
+
+
+def _headline(config: RunConfig, source: Source, command: Train) -> str:
+    """The settings in one line."""
+    data = source.dataset
+    inputs = f"{data.inputs} input{'' if data.inputs == 1 else 's'}"
+    return (
+        f"training a {config.model.kind} model of {command.source}: space {data.space}, {inputs}, "
+        f"{len(data.train)} recordings; preset {config.preset}, seed {config.seed}; into {command.out}"
+    )
+
+
+def _as_json(command: Train, result: FitResult) -> dict[str, object]:
+    """What is said of training."""
+    return {
+        "run": str(command.out),
+        "outcome": result.outcome,
+        "completed": result.completed,
+        "parameters": count_parameters(result.model),
+        "loss": result.loss,
+        "seconds": result.seconds,
+    }

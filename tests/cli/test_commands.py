@@ -1,0 +1,123 @@
+"""What simulate, evaluate, predict and inspect print and write."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from symoden.cli import main
+from symoden.experiments import simulate, task
+
+
+def answer(capsys, *words):
+    """JSON object that a command prints, as the last line and nothing but an object."""
+    assert main([*map(str, words), "--json"]) == 0
+    return json.loads(capsys.readouterr().out.splitlines()[-1], parse_constant=pytest.fail)
+
+
+def test_simulate_writes_the_trajectories_of_the_library(tmp_path, capsys):
+    path = tmp_path / "data.npz"
+    counts = answer(capsys, "simulate", "pendulum", "--out", path, "--seed", 5)["trajectories"]
+    assert counts == {"train": 320, "test": 320, "prediction": 64}
+    data = simulate(task("pendulum"), seed=5)
+    with np.load(path) as file:
+        assert (str(file["task"]), str(file["space"]), int(file["seed"])) == ("pendulum", "T1", 5)
+        assert file["train_us"].shape == (320, 20, 1)
+        assert file["prediction_ts"].shape == (40,)
+        np.testing.assert_array_equal(file["test_q"][7], data.dataset.test[7].q)
+        np.testing.assert_array_equal(file["prediction_rates"][3], data.prediction[3].rates)
+
+
+def test_evaluate_gives_the_papers_errors_on_a_task(task_run, capsys):
+    scores = answer(capsys, "evaluate", task_run)
+    assert list(scores) == ["task", "model", "parameters", "train_error", "test_error", "prediction_error"]
+    assert (scores["task"], scores["model"]) == ("pendulum", "dissipative")
+    for name in ("train_error", "test_error", "prediction_error"):
+        assert set(scores[name]) == {"mean", "std"}
+        assert scores[name]["mean"] > 0
+
+
+def test_evaluate_prints_the_papers_errors_beside_its_own(task_run, capsys):
+    assert main(["evaluate", str(task_run), "pendulum"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[-3:]] == ["train", "test", "prediction"]
+    assert lines[-1].endswith("1.04 ± 1.3")
+
+
+def test_evaluate_gives_position_errors_on_a_data_set(arm_run, arm, capsys):
+    for words in ((arm_run,), (arm_run, arm)):
+        recordings = answer(capsys, "evaluate", *words)["recordings"]
+        assert [(r["name"], r["split"], r["samples"]) for r in recordings] == [("a", "train", 80), ("b", "test", 60)]
+        for recording in recordings:
+            assert set(recording) == {"name", "split", "samples", "window_rmse", "rollout_rmse"}
+            assert recording["window_rmse"]["horizon_s"] == 1.0
+            assert 0 < recording["window_rmse"]["median"] < 10
+
+
+def test_evaluate_prints_a_line_for_every_recording(arm_run, capsys):
+    assert main(["evaluate", str(arm_run)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[:3] for line in lines[-2:]] == [["a", "train", "80"], ["b", "test", "60"]]
+
+
+def test_predict_writes_every_recording_and_its_rollout(arm_run, arm, tmp_path, capsys):
+    path = tmp_path / "paths.npz"
+    assert answer(capsys, "predict", arm_run, arm, "--out", path)["recordings"] == 2
+    with np.load(path) as file:
+        columns = ("ts", "q", "rates", "u", "q_predicted", "rates_predicted")
+        assert set(file) == {f"{name}/{column}" for name in ("a", "b") for column in columns}
+        assert file["b/q_predicted"].shape == file["b/q"].shape == (60, 1)
+        np.testing.assert_allclose(file["b/q_predicted"][0], file["b/q"][0])
+        np.testing.assert_allclose(file["b/rates_predicted"][0], file["b/rates"][0], atol=1e-12)
+
+
+def test_names_that_occur_in_several_parts_are_told_apart(arm_run, described, tmp_path):
+    text = (
+        described.read_text()
+        .replace('"a.csv"]', '"a.csv"]\nrows = [0, 40]')
+        .replace('"b.csv"]', '"a.csv"]\nrows = [40]')
+    )
+    described.write_text(text)
+    assert main(["predict", str(arm_run), str(described), "--out", str(tmp_path / "paths.npz")]) == 0
+    with np.load(tmp_path / "paths.npz") as file:
+        assert {key.split("/")[0] for key in file} == {"train:a", "test:a"}
+
+
+def test_inspect_keeps_the_contract(arm_run, capsys):
+    found = answer(capsys, "inspect", arm_run)
+    assert list(found) == [
+        "space",
+        "parameters",
+        "anchor",
+        "mass_matrix_eigenvalues",
+        "dissipation_eigenvalues",
+        "audit",
+    ]
+    assert (found["space"], found["anchor"]) == ("T1", "input_matrix given")
+    assert 0 < found["mass_matrix_eigenvalues"]["min"] <= found["mass_matrix_eigenvalues"]["max"]
+    assert found["audit"]["split"] == "test"
+    assert found["audit"]["rollout_violation"] < 1e-6
+
+
+def test_inspect_shows_the_blocks_over_the_data(arm_run, capsys):
+    assert main(["inspect", str(arm_run)]) == 0
+    printed = capsys.readouterr().out
+    for text in ("along q", "M[1, 1]", "V - min V", "g[q, u]", "D[1, 1]", "force D v", "power audit", "input_matrix"):
+        assert text in printed
+
+
+def test_inspect_needs_no_data_but_says_that_the_audit_does(arm_run, tmp_path, capsys):
+    folder = shutil.copytree(arm_run, tmp_path / "run")
+    text = (folder / "config.json").read_text()
+    (folder / "config.json").write_text(text.replace("arm.toml", "gone.toml"))
+    found = answer(capsys, "inspect", folder)
+    assert "gone.toml" in found["audit"]["unavailable"]
+    assert found["mass_matrix_eigenvalues"] is not None
+    assert main(["inspect", str(folder)]) == 0
+    assert "not made, because the run's data cannot be read" in capsys.readouterr().out
+
+
+def test_a_plain_file_gets_no_escape_codes(arm_run, capsys):
+    assert main(["inspect", str(arm_run)]) == 0
+    assert "\x1b" not in capsys.readouterr().out

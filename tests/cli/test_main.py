@@ -1,0 +1,119 @@
+"""The front of the command line: help without JAX, one message for each error, exit statuses."""
+
+import subprocess
+import sys
+
+import pytest
+
+import symoden
+from symoden.cli import main
+from symoden.experiments import TASKS
+from symoden.models import KINDS
+from symoden.storage import StorageError
+from symoden.training import TrainingError
+
+COMMANDS = ["simulate", "train", "evaluate", "predict", "inspect"]
+HEAVY = ["jax", "jaxlib", "numpy", "scipy", "polars", "equinox", "diffrax", "optax", "rich"]
+PROBE = """
+import sys
+from symoden.cli import main
+status = main(sys.argv[1:])
+print([name for name in {heavy} if name in sys.modules])
+sys.exit(status)
+"""
+
+
+def failing(monkeypatch, command, error):
+    def run(arguments):
+        raise error
+
+    monkeypatch.setattr(f"symoden.cli._{command}.run", run)
+
+
+@pytest.mark.parametrize("words", [[], *([name] for name in COMMANDS)], ids=str)
+def test_help_loads_nothing_heavy(words):
+    program = [sys.executable, "-c", PROBE.format(heavy=HEAVY), *words, "--help"]
+    answer = subprocess.run(program, capture_output=True, check=False, text=True)
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.startswith(" ".join(["usage: symoden", *words]))
+    assert answer.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_module_runs_as_the_program_does():
+    answer = subprocess.run([sys.executable, "-m", "symoden", "--version"], capture_output=True, check=True, text=True)
+    assert answer.stdout.strip() == symoden.__version__
+
+
+def test_help_names_every_command_task_and_kind(capsys):
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert [name for name in COMMANDS if name not in text] == []
+    for command in ("simulate", "train"):
+        assert main([command, "--help"]) == 0
+        text = capsys.readouterr().out
+        assert [name for name in TASKS if name not in text] == []
+    assert [kind for kind in KINDS if kind not in text] == []
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "Missing subcommand"),
+        (["learn"], "Unrecognized options: learn"),
+        (["train", "pendulum"], "--out RUN"),
+        (["train", "pendulum", "--out", "run", "--sed", "3"], "--seed"),
+        (["train", "pendulum", "--out", "run", "--seed", "x"], "--seed"),
+        (["evaluate"], "RUN"),
+        (["predict", "run", "pendulum"], "--out FILE.npz"),
+    ],
+    ids=str,
+)
+def test_wrong_usage_is_status_2_and_says_what_is_wrong(capsys, words, message):
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert printed.out == ""
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "message"),
+    [
+        (ValueError("The value\n must be 1."), 2, "error: The value must be 1.\n"),
+        (StorageError("`a` is damaged."), 2, "error: `a` is damaged.\n"),
+        (TrainingError("Everything diverged."), 1, "error: Everything diverged.\n"),
+        (OSError(28, "No space left on device"), 1, "error: [Errno 28] No space left on device\n"),
+        (
+            KeyError("q"),
+            1,
+            "error: KeyError: 'q'. This should not happen; please report it with the output of --debug.\n",
+        ),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_an_error_is_one_line_and_a_status(monkeypatch, capsys, error, status, message):
+    failing(monkeypatch, "simulate", error)
+    assert main(["simulate", "pendulum", "--out", "a.npz"]) == status
+    assert capsys.readouterr() == ("", message)
+
+
+def test_a_refusal_of_the_system_is_a_failure(monkeypatch, capsys):
+    error = StorageError("`a` must be writable.")
+    error.__cause__ = OSError(28, "No space left on device")
+    failing(monkeypatch, "simulate", error)
+    assert main(["simulate", "pendulum", "--out", "a.npz"]) == 1
+    assert capsys.readouterr().err == "error: `a` must be writable.\n"
+
+
+def test_debug_shows_the_traceback(monkeypatch):
+    failing(monkeypatch, "simulate", KeyError("q"))
+    with pytest.raises(KeyError):
+        main(["simulate", "pendulum", "--out", "a.npz", "--debug"])
+
+
+def test_an_interrupted_training_says_how_to_continue(monkeypatch, capsys):
+    failing(monkeypatch, "train", KeyboardInterrupt())
+    assert main(["train", "pendulum", "--out", "runs/a"]) == 130
+    assert capsys.readouterr().err == ("interrupted; continue with: symoden train pendulum --out runs/a --resume\n")
+    failing(monkeypatch, "inspect", KeyboardInterrupt())
+    assert main(["inspect", "runs/a"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"

@@ -1,0 +1,135 @@
+"""Training through the command line: what it prints and leaves behind, and how it goes on."""
+
+import json
+
+import equinox as eqx
+import numpy as np
+import pytest
+
+from symoden.cli import main
+from symoden.experiments import read_model, read_run
+from symoden.models import BlockConfig, ModelConfig
+from symoden.training import TrainingConfig
+
+PLAIN = BlockConfig(constant=True)
+
+
+def tiny(name, *, task, kind):
+    """Settings that train in a moment, whatever is asked for."""
+    del name, task
+    model = ModelConfig(
+        kind=kind,
+        inverse_mass=PLAIN,
+        potential=BlockConfig(hidden=(4,)),
+        actuation=PLAIN,
+        friction=PLAIN,
+        knees=(),
+        flow=(4,),
+        energy=(4,),
+    )
+    lm_steps = 2 if kind == "dissipative" else 0
+    return model, TrainingConfig(adam_steps=20, lm_steps=lm_steps, growth_steps=0, batch_size=32)
+
+
+def same_weights(one, other):
+    """Whether two runs have the same model, bit for bit."""
+    return bool(eqx.tree_equal(read_model(one), read_model(other)))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    monkeypatch.setattr("symoden.cli._train.preset", tiny)
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory, arm):
+    """A finished run; not to be written to."""
+    folder = tmp_path_factory.mktemp("trained") / "run"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("symoden.cli._train.preset", tiny)
+        assert main(["train", str(arm), "--out", str(folder)]) == 0
+    return folder
+
+
+def test_a_run_holds_what_the_contract_says(trained, arm):
+    assert sorted(path.name for path in trained.iterdir()) == [
+        "checkpoints",
+        "config.json",
+        "metrics.jsonl",
+        "model.safetensors",
+    ]
+    config = read_run(trained)
+    assert (config.source, config.seed, config.preset, config.model.kind) == (str(arm), 0, "default", "dissipative")
+    assert config.training.adam_steps == 20
+    assert [json.loads(line)["stage"] for line in (trained / "metrics.jsonl").read_text().splitlines()]
+    assert read_model(trained).inputs == 1
+
+
+def test_train_says_what_it_does_and_how_well_it_did(arm, tmp_path, capsys):
+    assert main(["train", str(arm), "--out", str(tmp_path / "run"), "--seed", "2", "--model", "symoden"]) == 0
+    printed = capsys.readouterr()
+    first, *progress = printed.err.splitlines()
+    assert "symoden model" in first
+    assert "seed 2" in first
+    assert progress
+    assert all("loss" in line for line in progress)
+    assert "\x1b" not in printed.err + printed.out
+    assert "1 s median" in printed.out
+    assert "parameters" in printed.out
+    assert f"the run is in {tmp_path / 'run'}" in printed.out.splitlines()[-1]
+
+
+def test_train_gives_one_object_with_the_scores(tmp_path, capsys):
+    words = [
+        "train",
+        "pendulum-canonical",
+        "--space",
+        "T1",
+        "--out",
+        str(tmp_path / "run"),
+        "--model",
+        "naive",
+        "--json",
+    ]
+    assert main(words) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    answer = json.loads(line)
+    assert (answer["task"], answer["completed"]) == ("pendulum-canonical", True)
+    assert answer["prediction_error"]["mean"] > 0
+    assert main(["evaluate", str(tmp_path / "run"), "--json"]) == 0
+    scores = json.loads(capsys.readouterr().out)
+    assert scores == {key: answer[key] for key in scores}
+
+
+def test_a_resumed_run_ends_as_one_that_was_never_stopped(trained, arm, tmp_path, capsys):
+    words = ["train", str(arm), "--out", str(tmp_path / "run")]
+    assert main([*words, "--max-minutes", "1e-9"]) == 0
+    assert "stopped at the time limit" in capsys.readouterr().out
+    assert (tmp_path / "run" / "model.safetensors").is_file()
+    assert main([*words, "--resume"]) == 0
+    assert same_weights(trained, tmp_path / "run")
+
+
+def test_resuming_where_nothing_is_starts_a_run(trained, arm, tmp_path, capsys):
+    assert main(["train", str(arm), "--out", str(tmp_path / "run"), "--resume"]) == 0
+    assert "holds no run yet" in capsys.readouterr().err
+    assert same_weights(trained, tmp_path / "run")
+
+
+def test_an_interrupted_run_keeps_its_checkpoint(arm, tmp_path, capsys, monkeypatch):
+    def interrupt(folder, config, dataset, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("symoden.cli._train.train_run", interrupt)
+    assert main(["train", str(arm), "--out", str(tmp_path / "run")]) == 130
+    assert "--resume" in capsys.readouterr().err
+
+
+def test_the_space_of_a_run_stays_with_it(arm, tmp_path):
+    folder = tmp_path / "run"
+    assert main(["train", str(arm), "--space", "R1", "--out", str(folder), "--max-minutes", "1e-9"]) == 0
+    assert str(read_model(folder).space) == "R1"
+    assert main(["evaluate", str(folder)]) == 0
+    assert main(["predict", str(folder), str(arm), "--out", str(tmp_path / "paths.npz")]) == 0
+    with np.load(tmp_path / "paths.npz") as file:
+        assert file["a/q_predicted"].shape == (80, 1)
