@@ -61,7 +61,7 @@ def written_out(system, recording, start, stop):
 @pytest.mark.parametrize("name", ["pendulum-canonical", "cartpole-full"])
 def test_the_true_system_has_no_error(name):
     source = few(name)
-    score = score_task(source.task.system, source, solver=FINE)
+    score = score_task(task(name).system, source, solver=FINE)
     assert max(score.train.mean, score.test.mean, score.prediction.mean) < 1e-8
 
 

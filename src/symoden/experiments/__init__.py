@@ -18,6 +18,7 @@ from ._inspect import (
     inspect_model as inspect_model,
 )
 from ._paper import PAPER as PAPER, MeanStd as MeanStd, PaperErrors as PaperErrors
+from ._presets import PRESETS as PRESETS, preset as preset
 from ._ranges import Ranges as Ranges
 from ._runs import (
     DataSummary as DataSummary,
@@ -38,6 +39,7 @@ from ._tasks import TASKS as TASKS, Task as Task, task as task
 
 __all__ = [
     "PAPER",
+    "PRESETS",
     "TASKS",
     "Audit",
     "DataSummary",
@@ -62,6 +64,7 @@ __all__ = [
     "holds_run",
     "inspect_model",
     "predict",
+    "preset",
     "read_model",
     "read_run",
     "read_run_source",

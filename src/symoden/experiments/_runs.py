@@ -239,6 +239,11 @@ def evaluation_solver(config: RunConfig) -> RK4:
     return RK4(max(_LEAST_SUBSTEPS, config.training.substeps, config.training.lm_substeps or 1))
 
 
+def _ignore(progress: Progress) -> None:
+    """Report nothing."""
+    del progress
+
+
 def refuse_occupied(folder: Path) -> None:
     """Refuse to begin a run where something is already.
 
@@ -262,7 +267,7 @@ def train_run(
     *,
     resume: bool = False,
     max_minutes: float | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], None] = _ignore,
 ) -> FitResult:
     """Train, and keep everything in a folder.
 
@@ -285,10 +290,16 @@ def train_run(
     if fresh:
         refuse_occupied(folder)
         write_run(folder, config)
-    report = {} if progress is None else {"progress": progress}
-    options = {"folder": folder, "resume": not fresh, "max_minutes": max_minutes}
     try:
-        result = fit(dataset, model=config.model, config=config.training, **options, **report)
+        result = fit(
+            dataset,
+            model=config.model,
+            config=config.training,
+            folder=folder,
+            resume=not fresh,
+            max_minutes=max_minutes,
+            progress=progress,
+        )
     except ValueError:
         if fresh and [path.name for path in folder.iterdir()] == ["config.json"]:
             (folder / "config.json").unlink()  # Nothing was begun: the folder is free for corrected data.
