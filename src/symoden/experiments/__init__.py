@@ -18,6 +18,15 @@ from ._inspect import (
     inspect_model as inspect_model,
 )
 from ._paper import PAPER as PAPER, MeanStd as MeanStd, PaperErrors as PaperErrors
+from ._portrait import (
+    BlockCurves as BlockCurves,
+    ErrorComparison as ErrorComparison,
+    Portrait as Portrait,
+    RolloutComparison as RolloutComparison,
+    fit_gauge as fit_gauge,
+    portrait as portrait,
+    unseen_rollouts as unseen_rollouts,
+)
 from ._presets import PRESETS as PRESETS, preset as preset
 from ._ranges import Ranges as Ranges
 from ._runs import (
@@ -42,15 +51,19 @@ __all__ = [
     "PRESETS",
     "TASKS",
     "Audit",
+    "BlockCurves",
     "DataSummary",
+    "ErrorComparison",
     "FrictionProfile",
     "Inspection",
     "MeanStd",
     "PaperErrors",
+    "Portrait",
     "Prediction",
     "Profile",
     "Ranges",
     "RecordingScore",
+    "RolloutComparison",
     "RunConfig",
     "Source",
     "Task",
@@ -61,8 +74,10 @@ __all__ = [
     "anchor",
     "audit",
     "evaluation_solver",
+    "fit_gauge",
     "holds_run",
     "inspect_model",
+    "portrait",
     "predict",
     "preset",
     "read_model",
@@ -76,5 +91,6 @@ __all__ = [
     "summarize",
     "task",
     "train_run",
+    "unseen_rollouts",
     "write_run",
 ]

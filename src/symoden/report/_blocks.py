@@ -1,0 +1,40 @@
+"""Learned blocks beside the true ones."""
+
+import math
+
+from matplotlib.axes import Axes
+
+from symoden.experiments import BlockCurves
+
+from ._style import COLOURS, DASHES, LABEL, SMALL, TRUTH, tidy
+
+_MARKS = 13
+_ROOM = 0.25
+
+
+def plot_block(result: BlockCurves, *, ax: Axes) -> Axes:
+    """Draw the entries of a block along a coordinate: the truth as circles, what was learned as lines.
+
+    Args:
+        result: What to draw.
+        ax: Where.
+
+    Returns:
+        The same axes.
+    """
+    every = max(1, len(result.values) // _MARKS)
+    for k, name in enumerate(result.entries):
+        colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
+        ax.plot(result.values[::every], result.truth[::every, k], markeredgecolor=colour, **TRUTH)
+        ax.plot(result.values, result.learned[:, k], color=colour, linestyle=dashes, linewidth=1.4, label=name)
+    low, high = min(result.truth.min(), result.learned.min()), max(result.truth.max(), result.learned.max())
+    # Room around a constant, so that rounding does not fill the panel.
+    room = _ROOM * max(high - low, abs(high), abs(low)) or 1.0
+    if math.isfinite(room):
+        ax.set_ylim(min(low, 0.0) - room * (low < 0), high + room)
+    ax.set_xlabel(result.coordinate, fontsize=LABEL)
+    ax.set_ylabel(f"{result.symbol} [{result.unit}]", fontsize=LABEL)
+    ax.set_title(f"{result.symbol}: relative error ≤ {result.error:.1g}", fontsize=LABEL)
+    if len(result.entries) > 1:
+        ax.legend(fontsize=SMALL, frameon=False, title="entry", title_fontsize=SMALL)
+    return tidy(ax)

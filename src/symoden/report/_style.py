@@ -1,0 +1,33 @@
+"""Colours that the colour-blind can tell apart and that print in different greys; nothing is set globally."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any, Final
+
+from matplotlib.axes import Axes
+
+# Okabe & Ito (2008), *Color Universal Design*.
+COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+DASHES: Final = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+INK: Final = "#222222"
+TRUTH: Final[Mapping[str, Any]] = MappingProxyType(
+    {"linestyle": "none", "marker": "o", "markersize": 3.6, "markerfacecolor": "none", "markeredgewidth": 0.8}
+)
+LABEL: Final = 9
+SMALL: Final = 8
+
+
+def tidy(ax: Axes) -> Axes:
+    """Take away what says nothing.
+
+    Args:
+        ax: Axes that are drawn.
+
+    Returns:
+        The same axes.
+    """
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.tick_params(labelsize=SMALL)
+    ax.grid(visible=True, color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    return ax
