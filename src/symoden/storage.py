@@ -62,10 +62,11 @@ def save_arrays(path: Path | str, arrays: Mapping[str, np.ndarray], metadata: Ma
     Raises:
         StorageError: If the file cannot be written.
     """
-    contents = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    contents = {name: np.asarray(array, order="C") for name, array in arrays.items()}
     text = json.dumps(dict(metadata), sort_keys=True)
-    header = {_KEY: text, "sha256": _digest(contents, text)}
-    write_atomically(path, safetensors.numpy.save(contents, metadata=header))
+    # One entry, since safetensors does not keep the order of several: the same contents give the same bytes.
+    header = json.dumps({"contents": text, "sha256": _digest(contents, text)}, sort_keys=True)
+    write_atomically(path, safetensors.numpy.save(contents, metadata={_KEY: header}))
 
 
 def load_arrays(path: Path | str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -93,10 +94,14 @@ def load_arrays(path: Path | str) -> tuple[dict[str, np.ndarray], dict[str, Any]
         raise StorageError(
             f"`{path}` must be a whole safetensors file; it is truncated or damaged ({error}). Restore or retrain it."
         ) from error
-    text = header.get(_KEY)
-    if text is None:
-        raise StorageError(f"`{path}` must have been written by symoden; its metadata have no entry `{_KEY}`.")
-    if header.get("sha256") != _digest(arrays, text):
+    try:
+        signed = json.loads(header[_KEY])
+        text, digest = signed["contents"], signed["sha256"]
+    except (KeyError, TypeError, ValueError) as error:
+        raise StorageError(
+            f"`{path}` must have been written by symoden; its metadata have no valid entry `{_KEY}`."
+        ) from error
+    if digest != _digest(arrays, text):
         raise StorageError(f"`{path}` was changed after it was written: its digest differs. Restore or retrain it.")
     return arrays, json.loads(text)
 

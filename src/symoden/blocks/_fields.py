@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from symoden.shapes import Coordinates, Scalar, SquareMatrix
+from symoden.shapes import Coordinates, DissipationMatrix, Scalar
 
 from ._functions import AbstractFunction
 from ._known import Known
@@ -112,7 +112,7 @@ class CholeskyBlock(AbstractBlock):
         if self.floor < 0:
             raise ValueError(f"`floor` must be at least 0; got {self.floor}.")
 
-    def __call__(self, q: Coordinates) -> SquareMatrix:
+    def __call__(self, q: Coordinates) -> DissipationMatrix:
         """Matrix at `q`."""
         scale = self.scale.value
         factor = scale[:, None] * lower_triangle(self.function(q), size=scale.shape[0])

@@ -43,8 +43,8 @@ class ViscousFriction(AbstractFriction):
 class JointFriction(AbstractFriction):
     """Friction D(q, v) = S L Lᵀ S of viscous, dry and quadratic parts, passive by construction.
 
-    The factor is L(q, v) = B(q) + diag ℓ(v): a lower triangle that may depend on the configuration, and each joint's own
-    law. With w = vᵢ / `speed`ᵢ, ℓᵢ = Σₖ cᵢₖ ψₖ(w). Squared, ψₖ = (1 + (w/wₖ)²)^(−1/4) is dry (Coulomb) friction
+    The factor is L(q, v) = B(q) + diag ℓ(v): a lower triangle that may depend on the configuration, and each joint's
+    own law. With w = vᵢ / `speed`ᵢ, ℓᵢ = Σₖ cᵢₖ ψₖ(w). Squared, ψₖ = (1 + (w/wₖ)²)^(−1/4) is dry (Coulomb) friction
     smoothed below the speed wₖ, (1 + (w/wₖ)²)^(−1/2) its excess at low speed (Stribeck), and (1 + w²)^(1/4) − 1
     quadratic drag. The coefficients are free in sign, which keeps least squares on them well behaved: with
     squared coefficients cᵢₖ² Levenberg-Marquardt stalled.
@@ -75,7 +75,7 @@ class JointFriction(AbstractFriction):
     def __call__(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
         """Matrix at the configuration `q` and the velocity `v`."""
         w = v / self.speed.value
-        knee = 1 + (w[:, None] / jnp.asarray(self.knees, w.dtype)) ** 2
+        knee = 1 + (w[:, None] / jnp.asarray(self.knees, w.dtype)[None]) ** 2
         shapes = jnp.concatenate([knee**-0.25, knee**-0.5, ((1 + w**2) ** 0.25 - 1)[:, None]], axis=1)
         joint = jnp.sum(self.coefficients * shapes, axis=1)
         triangle = lower_triangle(self.viscous(q), size=w.shape[0]) + jnp.diag(joint)

@@ -87,7 +87,9 @@ class Perceptron(eqx.Module):
         keys = jax.random.split(key, len(sizes) - 1)
         orthogonal = jax.nn.initializers.orthogonal()
         return cls(
-            weights=tuple(orthogonal(k, shape, float) for k, shape in zip(keys, itertools.pairwise(sizes), strict=True)),
+            weights=tuple(
+                orthogonal(k, shape, float) for k, shape in zip(keys, itertools.pairwise(sizes), strict=True)
+            ),
             biases=tuple(jnp.zeros(size, float) for size in sizes[1:]),
             center=Known(jnp.asarray(np.zeros(sizes[0]) if center is None else center, float)),
             scale=Known(jnp.asarray(np.ones(sizes[0]) if scale is None else scale, float)),

@@ -208,8 +208,9 @@ class _Maker:
 
     def actuation(self, key: PRNGKeyArray) -> AbstractBlock:
         """The g that was given, or a learned one."""
-        if self.input_matrix is not None:
-            return KnownValue(_known(np.asarray(self.input_matrix)))
+        if self.input_matrix is not None or not self.inputs:
+            known = np.zeros((self.space.size, 0)) if self.input_matrix is None else np.asarray(self.input_matrix)
+            return KnownValue(_known(known))
         return MatrixBlock(
             function=self._function(self.config.actuation, self.space.size * self.inputs, base=0.1, key=key),
             scale=_known(np.outer(self.scales.force, 1 / self.scales.input)),

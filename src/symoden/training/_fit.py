@@ -101,7 +101,8 @@ def fit(
     """
     model, config = model or ModelConfig(), config or TrainingConfig()
     journal = Journal(folder=folder)
-    with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
+    # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
+    with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
         stages, state = _prepare(dataset, model, config)
         state, outcome, seconds = run(stages, state, journal, resume=resume, max_minutes=max_minutes, progress=progress)
     if not math.isfinite(state.best_loss):

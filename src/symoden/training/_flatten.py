@@ -27,7 +27,9 @@ class Flattening(eqx.Module):
     shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
 
     @classmethod
-    def of(cls, model: PyTree, *, corrections: bool, dtype: DTypeLike = float) -> tuple[Float[Array, " P"]]:
+    def of(
+        cls, model: PyTree, *, corrections: bool, dtype: DTypeLike = float
+    ) -> tuple["Flattening", Float[Array, " P"]]:
         """Split a model.
 
         Args:

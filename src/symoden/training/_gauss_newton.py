@@ -75,8 +75,8 @@ def linearize(
     start = (encode(theta), jax.jacrev(encode)(theta))
     _, (states, sensitivities) = jax.lax.scan(step, start, (window.ts[:-1], window.ts[1:], *objective.hold(window.us)))
     by_state, by_theta = jax.vmap(jax.jacrev(observe, argnums=(0, 1)), in_axes=(0, None))(states, theta)
-    weights = objective.weights.astype(theta.dtype)
-    jacobian = weights[:, None] * (by_state @ sensitivities + by_theta)
+    weights = objective.weights.astype(theta.dtype)[None]
+    jacobian = weights[:, :, None] * (by_state @ sensitivities + by_theta)
     dynamics = restore(theta)
     measured = jnp.concatenate([jax.vmap(dynamics.space.embed)(window.q), window.rates], axis=1)[1:]
     residuals = weights * (jax.vmap(dynamics.observe)(states) - measured)

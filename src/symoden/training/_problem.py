@@ -35,7 +35,7 @@ class Batch(NamedTuple):
         """Put windows on the device in the given precision."""
         return cls(*(jnp.asarray(x, dtype) for x in (windows.ts, windows.q, windows.rates, windows.us)))
 
-    def take(self, index: Array | slice) -> "Batch":
+    def take(self, index: Array | np.ndarray | slice) -> "Batch":
         """Choose windows."""
         return jax.tree.map(lambda x: x[index], self)
 
@@ -62,7 +62,7 @@ class Objective(eqx.Module):
         """Weighted errors of the predicted samples of one window; its first sample is where the rollout starts."""
         path = rollout(dynamics, window.q[0], window.rates[0], window.ts, window.us, solver=self.solver, hold=self.hold)
         measured = jnp.concatenate([jax.vmap(dynamics.space.embed)(window.q), window.rates], axis=1)
-        return self.weights.astype(measured.dtype) * (path.observations - measured)[1:]
+        return self.weights.astype(measured.dtype)[None] * (path.observations - measured)[1:]
 
     def loss(self, dynamics: AbstractDynamics, batch: Batch) -> Scalar:
         """Mean of the squared residuals over a batch of windows."""

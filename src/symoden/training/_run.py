@@ -143,6 +143,6 @@ def _next(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingStat
     return stages[after.stage].start(after) if after.stage < len(stages) else after
 
 
-def _json(value: str | float | None) -> str | float | None:
+def _json(value: str | int | float | None) -> str | int | float | None:
     """What JSON can express: no NaN, no infinity."""
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -54,7 +54,7 @@ def measure_scales(
 def time_scale(trajectories: Sequence[Trajectory]) -> float:
     """Time in which rates change by about their own size [s]: twice the lag after which they have changed by half.
 
-    For a sine of angular frequency ω it is 1/ω. Differences over a lag, unlike derivatives, are hardly touched by noise.
+    For a sine of angular frequency ω it is 1/ω. Differences over a lag, unlike derivatives, hardly feel noise.
 
     Args:
         trajectories: Recordings.
