@@ -23,7 +23,7 @@ $(VENV)/.complete: requirements.lock pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $@
 
-demo: setup ## Train a cart-pole, compare its errors with the paper's, draw the result
+demo: setup ## Train task 2 (the pendulum), compare its errors with the paper's, draw the result
 	$(BIN)/python examples/demo.py
 
 test: lint ## Everything that must hold before a commit: lint, then the tests

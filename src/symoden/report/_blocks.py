@@ -34,7 +34,7 @@ def plot_block(result: BlockCurves, *, ax: Axes) -> Axes:
         ax.set_ylim(min(low, 0.0) - room * (low < 0), high + room)
     ax.set_xlabel(result.coordinate, fontsize=LABEL)
     ax.set_ylabel(f"{result.symbol} [{result.unit}]", fontsize=LABEL)
-    ax.set_title(f"{result.symbol}: relative error ≤ {result.error:.1g}", fontsize=LABEL)
+    ax.set_title(f"{result.symbol}: relative error {result.error:.1g}", fontsize=LABEL)
     if len(result.entries) > 1:
         ax.legend(fontsize=SMALL, frameon=False, title="entry", title_fontsize=SMALL)
     return tidy(ax)
