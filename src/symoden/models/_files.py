@@ -89,7 +89,7 @@ def load(path: Path | str) -> AbstractDynamics:
     try:
         model = _restore(metadata["structure"], arrays)
         if not isinstance(model, AbstractDynamics):
-            raise TypeError(f"the structure is a {type(model).__name__}, not a model")
+            raise StorageError(f"the structure is a {type(model).__name__}, not a model")
         _try_out(model)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
         raise StorageError(
