@@ -1,0 +1,188 @@
+"""Building models: every setting has its effect, sizes are what they should be, nonsense is refused."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.blocks import JointFriction, KnownValue, NoFriction, ViscousFriction, count_parameters, trainable
+from symoden.experiments import preset
+from symoden.models import KINDS, BlockConfig, ModelConfig, Scales, UnstructuredModel, build
+from symoden.spaces import Space
+
+NETWORK = BlockConfig(hidden=(5,))
+BASE = ModelConfig(
+    inverse_mass=NETWORK, potential=NETWORK, actuation=NETWORK, friction=NETWORK, energy=(6,), flow=(6,), knees=()
+)
+WIDER = BlockConfig(hidden=(7,))
+
+
+def made(config, space="R1 T1", inputs=1, *, key=0, **others):
+    return build(config, Space.parse(space), inputs, key=jax.random.key(key), **others)
+
+
+@eqx.filter_jit
+def motion(model):
+    q, rates, u = jnp.array([0.3, -0.7]), jnp.array([0.5, 1.1]), jnp.array([0.9])
+    state = model.encode(q, rates)
+    return jax.jvp(model.observe, (state,), (model.derivative(jnp.zeros(()), state, u),))[1]
+
+
+CHANGES = {
+    "kind": ("dissipative", {"kind": "symoden"}),
+    "inverse_mass": ("dissipative", {"inverse_mass": WIDER}),
+    "potential": ("dissipative", {"potential": WIDER}),
+    "actuation": ("dissipative", {"actuation": WIDER}),
+    "friction": ("dissipative", {"friction": WIDER}),
+    "energy": ("unstructured", {"energy": (7,)}),
+    "flow": ("geometric", {"flow": (7,)}),
+    "full_friction": ("dissipative", {"full_friction": True}),
+    "activation": ("dissipative", {"activation": "tanh"}),
+    "floor": ("dissipative", {"floor": 0.3}),
+    "scaled": ("dissipative", {"scaled": False}),
+}
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(ModelConfig) if field.name != "knees"])
+def test_a_setting_changes_the_motion(name):
+    kind, change = CHANGES[name]
+    base = dataclasses.replace(BASE, kind=kind)
+    before, after = (np.asarray(motion(made(config))) for config in (base, dataclasses.replace(base, **change)))
+    assert np.isfinite(after).all()
+    assert np.abs(after - before).max() > 1e-6
+
+
+def test_knees_give_dry_friction_coefficients_of_its_own():
+    model = made(dataclasses.replace(BASE, knees=(0.1, 1.0)))
+    assert isinstance(model.friction, JointFriction)
+    assert model.friction.coefficients.shape == (2, 5)
+    freed = eqx.tree_at(lambda model: model.friction.coefficients, model, jnp.ones((2, 5)))
+    assert np.abs(motion(freed) - motion(model)).max() > 1e-3
+
+
+def test_arguments_of_build_change_the_motion():
+    base = motion(made(BASE))
+    units = Scales.units(Space.parse("R1 T1"), 1)
+    for name in ("center", "spread", "velocity", "momentum", "input", "time"):
+        scales = dataclasses.replace(units, **{name: 1.5 * getattr(units, name) + 0.25})
+        momenta = name == "momentum"  # With velocities, it is the gauge and has no effect.
+        before, after = (motion(made(BASE, momenta=momenta, scales=scales)) for scales in (units, scales))
+        assert np.abs(after - before).max() > 1e-6, name
+    assert np.abs(motion(made(BASE, key=1)) - base).max() > 1e-6
+    assert np.abs(motion(made(BASE, momenta=True)) - base).max() > 1e-6
+    assert np.abs(motion(made(BASE, input_matrix=np.array([[3.0], [0.0]]))) - base).max() > 1e-6
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_key_gives_the_same_weights_and_any_number_of_inputs_fits(kind):
+    config = dataclasses.replace(BASE, kind=kind)
+    for inputs in (0, 1, 3):
+        model = made(config, inputs=inputs)
+        assert eqx.tree_equal(model, made(config, inputs=inputs))
+        state = model.encode(jnp.ones(2), jnp.ones(2))
+        assert np.isfinite(model.derivative(jnp.zeros(()), state, jnp.ones(inputs))).all()
+
+
+def test_a_known_input_matrix_is_kept_and_not_trained():
+    g = np.array([[2.0], [0.0]])
+    model = made(BASE, input_matrix=g)
+    assert isinstance(model.actuation, KnownValue)
+    assert np.asarray(model.input_matrix(jnp.ones(2))) == pytest.approx(g, abs=0)
+    assert jax.tree.leaves(eqx.filter(model.actuation, trainable(model.actuation))) == []
+
+
+def test_corrections_are_silent_and_frozen_at_first():
+    corrected = dataclasses.replace(BASE, friction=BlockConfig(hidden=(5,), constant=True))
+    constant = dataclasses.replace(BASE, friction=BlockConfig(constant=True))
+    assert np.asarray(motion(made(corrected))) == pytest.approx(np.asarray(motion(made(constant))), abs=1e-12)
+    model = made(corrected)
+    frozen = jax.tree.leaves(eqx.filter(model, trainable(model, corrections=False)))
+    free = jax.tree.leaves(eqx.filter(model, trainable(model)))
+    assert sum(x.size for x in free) - sum(x.size for x in frozen) == 5 * 3 + 5 + 3 * 5 + 3
+
+
+def test_each_kind_has_the_friction_of_its_name():
+    assert isinstance(made(dataclasses.replace(BASE, kind="symoden")).friction, NoFriction)
+    assert isinstance(made(BASE).friction, ViscousFriction)
+    sizes = [
+        made(dataclasses.replace(BASE, full_friction=full)).friction.matrix.scale.array.size for full in (False, True)
+    ]
+    assert sizes == [2, 4]
+
+
+@pytest.mark.parametrize(
+    ("task", "space", "momenta", "count"),
+    [
+        ("pendulum-canonical", "R1", True, 155_406),
+        ("pendulum", "T1", False, 156_056),
+        ("cartpole", "R1 T1", False, 529_116),
+        ("acrobot", "T2", False, 530_216),
+    ],
+)
+def test_the_paper_preset_has_the_paper_s_number_of_parameters(task, space, momenta, count):
+    config, _ = preset("paper", task=task, kind="dissipative")
+    counts = []
+
+    def trace(key):
+        counts.append(count_parameters(build(config, Space.parse(space), 1, momenta=momenta, key=key)))
+
+    jax.eval_shape(trace, jax.random.key(0))
+    assert counts == [count]
+
+
+@pytest.mark.parametrize("space", ["R1", "T1", "R1 T1", "T2"])
+def test_the_default_preset_stays_below_five_thousand_parameters(space):
+    config, _ = preset("default", task=None, kind="dissipative")
+    assert count_parameters(build(config, Space.parse(space), 2, key=jax.random.key(0))) < 5000
+
+
+def test_the_unscaled_model_reads_raw_data():
+    model = made(dataclasses.replace(BASE, scaled=False, kind="geometric"))
+    assert np.asarray(model.flow.scale.array) == pytest.approx(1.0)
+    assert np.asarray(model.flow.center.array) == pytest.approx(0.0)
+
+
+def test_dry_friction_on_the_full_state_is_refused():
+    with pytest.raises(ValueError, match="Set `knees=\\(\\)`"):
+        dataclasses.replace(BASE, full_friction=True, knees=(0.1,))
+
+
+def test_an_unknown_kind_is_refused():
+    config = ModelConfig()
+    object.__setattr__(config, "kind", "hamiltonian")  # Past the check of types, which tests switch on.
+    with pytest.raises(ValueError, match="`kind` must be one of dissipative"):
+        config.__post_init__()
+
+
+def test_a_block_needs_parameters():
+    with pytest.raises(ValueError, match="got neither"):
+        BlockConfig()
+    with pytest.raises(ValueError, match="must be at least 1"):
+        BlockConfig(hidden=(3, 0))
+
+
+def test_an_unknown_activation_is_refused():
+    with pytest.raises(ValueError, match="`activation` must be one of"):
+        made(dataclasses.replace(BASE, activation="relu6"))
+
+
+def test_an_input_matrix_has_a_row_for_each_coordinate():
+    with pytest.raises(ValueError, match="2 × 1; got \\(1, 2\\)"):
+        made(BASE, input_matrix=np.ones((1, 2)))
+
+
+def test_velocity_data_need_an_inertia():
+    model = made(dataclasses.replace(BASE, kind="unstructured"), momenta=True)
+    assert isinstance(model, UnstructuredModel)
+    with pytest.raises(ValueError, match="Velocity data need `inverse_mass`"):
+        dataclasses.replace(model, momenta=False)
+
+
+def test_the_inertia_of_an_unstructured_model_of_momenta_is_read_off_its_energy():
+    model = made(dataclasses.replace(BASE, kind="unstructured"), momenta=True)
+    q = jnp.array([0.3, 0.4])
+    hessian = jax.hessian(lambda p: model.hamiltonian(q, p))(jnp.zeros(2))
+    assert np.asarray(model.inverse_mass_matrix(q)) == pytest.approx(np.asarray(hessian), abs=1e-12)
