@@ -78,7 +78,8 @@ class ModelConfig:
         flow: Hidden layers of the baselines' network.
         full_friction: Use the paper's 2n × 2n D instead of friction on momenta.
         knees: Speeds, relative to the typical one, below which dry friction is smoothed; none for viscous friction.
-        activation: Nonlinearity of every network.
+        activation: Nonlinearity of every network. If None, "silu" on a space with angles, whose embedding is bounded,
+            and "sin" on one of lengths alone, over which properties may change back and forth many times.
         floor: Lower bound ε of the eigenvalues of the scaled M⁻¹.
         scaled: Let networks read and write natural units of the data; the paper's do not.
     """
@@ -92,7 +93,7 @@ class ModelConfig:
     flow: tuple[int, ...] = (48, 48)
     full_friction: bool = False
     knees: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0)
-    activation: str = "silu"
+    activation: str | None = None
     floor: float = 0.01
     scaled: bool = True
 
@@ -271,7 +272,8 @@ class _Maker:
     ) -> Perceptron:
         """Network of standardised inputs."""
         sizes = (len(standard["center"]), *hidden, outputs)
-        return Perceptron.init(sizes, activation=self.config.activation, **standard, key=key)
+        activation = self.config.activation or ("silu" if any(self.space.is_angle) else "sin")
+        return Perceptron.init(sizes, activation=activation, **standard, key=key)
 
     def _function(
         self, config: BlockConfig, size: int, *, base: np.ndarray | float | None = None, key: PRNGKeyArray

@@ -34,7 +34,7 @@ class TrainingConfig:
     validation: float = 0.1
     horizon: int | None = None
     substeps: int = 1
-    adam_steps: int = 1000
+    adam_steps: int = 2000
     batch_size: int = 256
     shuffle: bool = True
     learning_rate: float = 1e-2
