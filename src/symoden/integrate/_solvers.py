@@ -8,7 +8,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int, PyTree
+from jaxtyping import Array, ArrayLike, Int, PyTree
 
 from symoden.shapes import Inputs, Scalar
 
@@ -97,8 +97,9 @@ class DiffraxSolver(AbstractSolver):
     def step(self, field: Field, state: PyTree, t0: Scalar, t1: Scalar, u0: Inputs, u1: Inputs) -> PyTree:
         """State at `t1`, NaN where the solver gave up."""
 
-        def driven(t: Scalar, x: PyTree, args: None) -> PyTree:
+        def driven(t: ArrayLike, x: PyTree, args: PyTree) -> PyTree:
             del args
+            t = jnp.asarray(t, t0.dtype)
             return field(t, x, u0 + (t - t0) / (t1 - t0) * (u1 - u0))
 
         solution = diffrax.diffeqsolve(
