@@ -134,7 +134,8 @@ def _restore(description: Any, arrays: dict[str, np.ndarray]) -> Any:  # noqa: A
 def _try_out(model: AbstractDynamics) -> None:
     """Trace one derivative, which fails where shapes do not fit together."""
     n, m = model.space.size, model.inputs
-    rates, u = jax.ShapeDtypeStruct((n,), float), jax.ShapeDtypeStruct((m,), float)
+    dtype = jnp.result_type(*jax.tree.leaves(eqx.filter(model, eqx.is_inexact_array)))
+    rates, u = jax.ShapeDtypeStruct((n,), dtype), jax.ShapeDtypeStruct((m,), dtype)
 
     def once(q: jax.Array, rates: jax.Array, u: jax.Array) -> jax.Array:
         state = model.encode(q, rates)

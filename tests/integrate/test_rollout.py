@@ -1,0 +1,167 @@
+"""Rollouts under sampled inputs, against SciPy."""
+
+import dataclasses
+from typing import final
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.integrate
+
+from symoden.integrate import HOLDS, RK4, DiffraxSolver, linear_hold, rollout, zero_hold
+from symoden.mechanics import AbstractDynamics
+from symoden.spaces import Space
+from symoden.systems import Acrobot, CartPole, Pendulum
+
+TIGHT = DiffraxSolver(diffrax.Dopri8(), rtol=1e-11, atol=1e-11)
+SOLVERS = {
+    "RK4": RK4(16),
+    "Tsit5": DiffraxSolver(diffrax.Tsit5(), rtol=1e-9, atol=1e-9),
+    "Dopri8": TIGHT,
+    "Kvaerno5": DiffraxSolver(diffrax.Kvaerno5(), rtol=1e-9, atol=1e-9),
+}
+FEW = ["RK4", "Tsit5", "Kvaerno5"]
+IRREGULAR = jnp.array([0.0, 0.03, 0.1, 0.12, 0.3, 0.31, 0.5])
+US = jnp.array([[1.0], [-2.0], [0.5], [3.0], [-1.0], [2.0], [99.0]])
+
+
+@final
+class Integrator(AbstractDynamics):
+    """ẋ = u: a rollout is the integral of the input."""
+
+    space: Space = eqx.field(default=Space((False,)), static=True)
+    inputs: int = eqx.field(default=1, static=True)
+    momenta: bool = eqx.field(default=False, static=True)
+
+    def encode(self, q, rates):
+        return jnp.concatenate([q, rates])
+
+    def derivative(self, t, state, u):
+        return jnp.concatenate([u, 0 * u])
+
+    def decode(self, state):
+        return state[:1], state[1:]
+
+    def observe(self, state):
+        return state
+
+
+@final
+class Exploding(AbstractDynamics):
+    """ẋ = x³ (1 + u²): infinite after a finite time."""
+
+    space: Space = eqx.field(default=Space((False,)), static=True)
+    inputs: int = eqx.field(default=1, static=True)
+    momenta: bool = eqx.field(default=False, static=True)
+
+    def encode(self, q, rates):
+        return jnp.concatenate([q, rates])
+
+    def derivative(self, t, state, u):
+        return state**3 * (1 + u[0] ** 2)
+
+    def decode(self, state):
+        return state[:1], state[1:]
+
+    def observe(self, state):
+        return state
+
+
+@eqx.filter_jit
+def simulate(system, q0, v0, ts, us, solver, hold):
+    return rollout(system, q0, v0, ts, us, solver=solver, hold=hold)
+
+
+def by_scipy(system, q0, v0, ts, us, *, linear):
+    """Integrate each interval on its own, with the input that acts there."""
+    derivative = jax.jit(system.derivative)
+    state = np.asarray(system.encode(q0, v0))
+    states = [state]
+    for k in range(len(ts) - 1):
+        t0, t1, u0, u1 = float(ts[k]), float(ts[k + 1]), np.asarray(us[k]), np.asarray(us[k + 1])
+
+        def field(t, x, t0=t0, t1=t1, u0=u0, u1=u1):
+            u = u0 + (t - t0) / (t1 - t0) * (u1 - u0) if linear else u0
+            return np.asarray(derivative(jnp.asarray(t), jnp.asarray(x), jnp.asarray(u)))
+
+        state = scipy.integrate.solve_ivp(field, (t0, t1), state, method="DOP853", rtol=1e-11, atol=1e-11).y[:, -1]
+        states.append(state)
+    return np.stack(states)
+
+
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+@pytest.mark.parametrize("system", [CartPole(pole_damping=0.05), Acrobot()], ids=lambda system: type(system).__name__)
+def test_a_rollout_at_irregular_times_is_scipy_s(system, hold):
+    q0, v0 = jnp.array([0.3, 2.5]), jnp.array([-0.5, 1.0])
+    path = simulate(system, q0, v0, IRREGULAR, US, TIGHT, HOLDS[hold])
+    expected = by_scipy(system, q0, v0, IRREGULAR, US, linear=hold == "linear")
+    assert np.asarray(path.states) == pytest.approx(expected, abs=1e-8)
+
+
+@pytest.mark.parametrize("name", FEW)
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_every_solver_feels_the_input_as_it_is_held(name, hold):
+    path = simulate(Integrator(), jnp.zeros(1), jnp.zeros(1), IRREGULAR, US, SOLVERS[name], HOLDS[hold])
+    us = np.asarray(US[:, 0])
+    acting = us[:-1] if hold == "zero" else (us[:-1] + us[1:]) / 2
+    expected = np.concatenate([[0.0], np.cumsum(acting * np.diff(IRREGULAR))])
+    assert np.asarray(path.q[:, 0]) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_solvers_agree(name):
+    arguments = (Pendulum(damping=0.2), jnp.array([1.0]), jnp.array([0.5]), IRREGULAR, US)
+    path, reference = (simulate(*arguments, solver, zero_hold) for solver in (SOLVERS[name], TIGHT))
+    assert np.asarray(path.q) == pytest.approx(np.asarray(reference.q), abs=1e-6)
+
+
+def test_the_last_sample_of_a_held_input_never_acts():
+    arguments = (Pendulum(), jnp.array([1.0]), jnp.array([0.5]), IRREGULAR)
+    one, other = (simulate(*arguments, us, RK4(), zero_hold) for us in (US, US.at[-1].set(-5.0)))
+    assert np.array_equal(one.q, other.q)
+    joined = [simulate(*arguments, us, RK4(), linear_hold) for us in (US, US.at[-1].set(-5.0))]
+    assert not np.array_equal(joined[0].q, joined[1].q)
+
+
+def test_a_rollout_tells_the_same_by_states_configurations_and_observations():
+    system = CartPole(pole_damping=0.1)
+    path = simulate(system, jnp.array([0.1, 3.0]), jnp.array([0.2, -0.4]), IRREGULAR, US, RK4(2), zero_hold)
+    assert np.asarray(path.q) == pytest.approx(np.asarray(path.states[:, :2]), abs=0)
+    assert np.asarray(path.rates[0]) == pytest.approx([0.2, -0.4], abs=1e-12)
+    embedded = jax.vmap(system.space.embed)(path.q)
+    assert np.asarray(path.observations) == pytest.approx(np.concatenate([embedded, path.rates], axis=1), abs=1e-12)
+
+
+def test_a_batch_of_one_and_a_single_interval_work():
+    q0, v0, ts, us = jnp.ones((1, 1)), jnp.ones((1, 1)), IRREGULAR[None, :2], US[None, :2]
+    path = jax.vmap(lambda q, v, ts, us: rollout(Pendulum(), q, v, ts, us))(q0, v0, ts, us)
+    assert path.q.shape == (1, 2, 1)
+    single = rollout(Pendulum(), q0[0], v0[0], ts[0], us[0])
+    assert np.asarray(path.q[0]) == pytest.approx(np.asarray(single.q), abs=1e-15)
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_a_diverging_rollout_ends_and_says_so(name):
+    ts, us = 0.5 * jnp.arange(40.0), jnp.ones((40, 1))
+    solver = SOLVERS[name]
+    if isinstance(solver, DiffraxSolver):
+        solver = dataclasses.replace(solver, max_steps=32)
+    path = simulate(Exploding(), jnp.array([1.0]), jnp.array([1.0]), ts, us, solver, zero_hold)
+    assert np.isfinite(path.q[0]).all()
+    assert not np.isfinite(path.q[-1]).any()
+    assert not np.isfinite(path.q).all(axis=1)[np.flatnonzero(~np.isfinite(path.q[:, 0]))[0] :].any()
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_single_precision_in_is_single_precision_out(name):
+    system = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), Pendulum(damping=0.1))
+    solver = SOLVERS[name]
+    if isinstance(solver, DiffraxSolver):
+        solver = dataclasses.replace(solver, rtol=1e-3, atol=1e-4)
+    arrays = [x.astype(jnp.float32) for x in (jnp.ones(1), jnp.ones(1), IRREGULAR, US)]
+    path = simulate(system, *arrays, solver, linear_hold)
+    assert {part.dtype for part in path} == {np.dtype(np.float32)}
+    assert np.isfinite(path.q).all()
