@@ -2,6 +2,8 @@
 
 import dataclasses
 import functools
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -107,3 +109,9 @@ def test_the_page_holds_every_panel_and_says_what_fixes_the_scale(name):
     assert all(ax.get_xlabel() for ax in figure.axes)
     assert ("β = " in figure.get_supxlabel()) == (not result.portrait.anchored)
     assert dict(rcParams) == before
+
+
+def test_without_matplotlib_the_extra_is_named():
+    program = "import importlib.util as i; i.find_spec = lambda name: None; import symoden.report"
+    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, text=True)
+    assert answer.stderr.splitlines()[-1] == 'ModuleNotFoundError: Pictures need matplotlib. Install "symoden[plot]".'
