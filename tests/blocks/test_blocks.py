@@ -1,0 +1,200 @@
+"""Blocks over random coefficients: signs, shapes, periodicity, what is trained and what is not."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.blocks import (
+    ACTIVATIONS,
+    CholeskyBlock,
+    Constant,
+    Correction,
+    JointFriction,
+    Known,
+    KnownFunction,
+    KnownValue,
+    MatrixBlock,
+    Network,
+    NoFriction,
+    Perceptron,
+    ScalarBlock,
+    Sum,
+    ViscousFriction,
+    count_parameters,
+    identity_triangle,
+    lower_triangle,
+    trainable,
+)
+from symoden.spaces import Space
+
+Q = jnp.array([0.3, -0.7])
+UNIT = Known(jnp.asarray(1.0))
+KNEES = (0.1, 1.0)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def constant(*values):
+    return Constant(jnp.array(values, float))
+
+
+@eqx.filter_jit
+def evaluate(block, *arguments):
+    return block(*arguments)
+
+
+@given(seed=seeds, floor=st.floats(0.0, 2.0), size=st.floats(1e-3, 1e3))
+def test_a_cholesky_block_is_the_scaled_square_of_its_factor_plus_the_floor(seed, floor, size):
+    generator = np.random.default_rng(seed)
+    entries, scale = size * generator.normal(size=6), generator.uniform(0.1, 3.0, 3)
+    block = CholeskyBlock(Constant(jnp.asarray(entries)), Known(jnp.asarray(scale)), floor)
+    L = np.zeros((3, 3))
+    L[np.tril_indices(3)] = entries
+    expected = np.diag(scale) @ (L @ L.T + floor * np.eye(3)) @ np.diag(scale)
+    matrix = np.asarray(block(Q))
+    assert matrix == pytest.approx(expected, rel=1e-12, abs=1e-12 * np.abs(expected).max())
+    unscaled = matrix / np.outer(scale, scale)
+    assert np.linalg.eigvalsh(unscaled).min() >= floor - 1e-12 * np.abs(unscaled).max()
+
+
+def test_a_negative_floor_is_refused():
+    with pytest.raises(ValueError, match="`floor` must be at least 0"):
+        CholeskyBlock(constant(1.0), Known(jnp.ones(1)), -0.1)
+
+
+@pytest.mark.parametrize("size", [1, 2, 5])
+def test_triangles_are_filled_row_by_row(size):
+    entries = np.arange(1.0, size * (size + 1) / 2 + 1)
+    expected = np.zeros((size, size))
+    expected[np.tril_indices(size)] = entries
+    assert np.array_equal(lower_triangle(jnp.asarray(entries), size=size), expected)
+    assert np.array_equal(lower_triangle(jnp.asarray(identity_triangle(size)), size=size), np.eye(size))
+
+
+def test_blocks_scale_what_their_functions_give():
+    scale = Known(jnp.array([[2.0, 3.0, 4.0], [5.0, 6.0, 7.0]]))
+    matrix = MatrixBlock(constant(1, 2, 3, 4, 5, 6), scale)(Q)
+    assert np.array_equal(matrix, [[2.0, 6.0, 12.0], [20.0, 30.0, 42.0]])
+    assert float(ScalarBlock(constant(3.0), Known(jnp.asarray(0.5)))(Q)) == 1.5
+    assert np.array_equal(KnownValue(scale)(Q), scale.array)
+    assert float(KnownFunction(lambda q: q @ q)(Q)) == pytest.approx(0.58)
+    assert MatrixBlock(constant(), Known(jnp.zeros((2, 0))))(Q).shape == (2, 0)
+
+
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+@given(seed=seeds, turns=st.integers(-3, 3))
+def test_a_network_is_periodic_in_angles_only(activation, seed, turns):
+    generator = np.random.default_rng(seed)
+    plain = Perceptron.init((3, 4, 2), activation=activation, key=jax.random.key(0))
+    network = Network(
+        Space.parse("R1 T1"), jax.tree.map(lambda x: jnp.asarray(generator.uniform(0.5, 1.5, x.shape)), plain)
+    )
+    q = jnp.asarray(generator.normal(size=2))
+    here, round_, further = (
+        np.asarray(evaluate(network, q + jnp.array(step)))
+        for step in ([0.0, 0.0], [0.0, 2 * np.pi * turns], [1.0, 0.0])
+    )
+    assert round_ == pytest.approx(here, abs=1e-10)
+    assert further != pytest.approx(here, abs=1e-6)
+
+
+def test_a_perceptron_is_matrices_and_activations_on_standardised_input():
+    center, scale = np.array([0.5, -1.0]), np.array([2.0, 4.0])
+    network = Perceptron.init((2, 3, 1), activation="tanh", center=center, scale=scale, key=jax.random.key(1))
+    first, last = (np.asarray(weight) for weight in network.weights)
+    assert first @ first.T == pytest.approx(np.eye(2), abs=1e-12)  # orthogonal
+    z = (np.asarray(Q) - center) / scale
+    assert np.asarray(network(Q)) == pytest.approx(np.tanh(z @ first) @ last, abs=1e-14)
+    shifted = eqx.tree_at(lambda network: network.biases, network, (jnp.ones(3), jnp.ones(1)))
+    assert np.asarray(shifted(Q)) == pytest.approx(np.tanh(z @ first + 1) @ last + 1, abs=1e-14)
+
+
+def test_an_unknown_activation_is_refused():
+    with pytest.raises(ValueError, match="`activation` must be one of tanh"):
+        Perceptron.init((1, 1), activation="step", key=jax.random.key(0))
+
+
+def test_a_sum_adds_its_terms():
+    total = Sum((constant(1, 2), Correction(constant(10, 20)), constant(100, 200)))
+    assert np.array_equal(total(Q), [111.0, 222.0])
+
+
+def joint(seed):
+    generator = np.random.default_rng(seed)
+    return JointFriction(
+        viscous=Constant(jnp.asarray(generator.normal(size=3))),
+        coefficients=jnp.asarray(3 * generator.normal(size=(2, JointFriction.laws(KNEES)))),
+        scale=Known(jnp.array([0.5, 2.0])),
+        speed=Known(jnp.array([1.5, 0.7])),
+        knees=KNEES,
+    )
+
+
+@given(seed=seeds, spread=st.floats(0.0, 100.0))
+def test_joint_friction_takes_energy_whatever_the_signs_of_its_coefficients(seed, spread):
+    v = jnp.asarray(spread * np.random.default_rng(seed).normal(size=2))
+    D = np.asarray(evaluate(joint(seed), Q, v))
+    assert np.array_equal(D, D.T)
+    assert np.linalg.eigvalsh(D).min() >= -1e-12 * np.abs(D).max()
+    assert v @ D @ v >= 0
+    assert np.asarray(evaluate(joint(seed), Q, -v)) == pytest.approx(D, rel=1e-12)  # no preferred direction
+
+
+def test_joint_friction_follows_its_formula():
+    friction, v = joint(1), np.array([0.4, -1.2])
+    w = v / np.array([1.5, 0.7])
+    coefficients = np.asarray(friction.coefficients)
+    law = [
+        coefficients[i]
+        @ [
+            *((1 + (w[i] / k) ** 2) ** -0.25 for k in KNEES),
+            *((1 + (w[i] / k) ** 2) ** -0.5 for k in KNEES),
+            (1 + w[i] ** 2) ** 0.25 - 1,
+        ]
+        for i in range(2)
+    ]
+    B = np.zeros((2, 2))
+    B[np.tril_indices(2)] = friction.viscous.values
+    L = np.diag([0.5, 2.0]) @ (B + np.diag(law))
+    assert np.asarray(friction(Q, jnp.asarray(v))) == pytest.approx(L @ L.T, rel=1e-12)
+
+
+def test_joint_friction_is_dry_at_low_and_quadratic_at_high_speed():
+    unit = Known(jnp.ones(1))
+
+    def force(coefficients, speed):
+        friction = JointFriction(constant(0.0), jnp.array([coefficients]), unit, unit, (0.01,))
+        return float(friction(Q[:1], jnp.array([speed]))[0, 0] * speed)
+
+    dry = [force([1.0, 0.0, 0.0], speed) for speed in (0.1, 1.0, 10.0)]
+    assert dry == pytest.approx([0.01] * 3, rel=0.01)  # the same at every speed above the knee
+    drag = [force([0.0, 0.0, 1.0], speed) for speed in (1e4, 4e4)]
+    assert drag[1] / drag[0] == pytest.approx(16.0, rel=0.1)
+
+
+def test_friction_without_velocity_and_no_friction():
+    matrix = jnp.array([[2.0, 1.0], [1.0, 3.0]])
+    assert np.array_equal(ViscousFriction(KnownValue(Known(matrix)))(Q, 5 * Q), matrix)
+    nothing = NoFriction()(Q.astype(jnp.float32), Q)
+    assert nothing.dtype == jnp.float32
+    assert not nothing.any()
+
+
+def test_known_arrays_have_no_derivative_and_are_not_trained():
+    block = MatrixBlock(constant(1.0, 2.0), Known(jnp.ones((2, 1))))
+    slopes = eqx.filter_grad(lambda block: jnp.sum(block(Q)))(block)
+    assert not slopes.scale.array.any()
+    assert slopes.function.values.all()
+    assert count_parameters(block) == 2
+
+
+def test_corrections_are_free_only_when_asked_for():
+    tree = {"sum": Sum((constant(1, 2), Correction(constant(1, 2, 3)))), "unit": UNIT, "count": jnp.arange(3)}
+    free, frozen = (
+        sum(leaf.size for leaf in jax.tree.leaves(eqx.filter(tree, trainable(tree, corrections=corrections))))
+        for corrections in (True, False)
+    )
+    assert (free, frozen) == (5, 2)
+    assert count_parameters(tree) == 5
