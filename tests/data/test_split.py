@@ -79,3 +79,14 @@ def test_nothing_to_hold_out_is_refused():
 def test_a_share_of_nothing_or_all_is_refused(fraction):
     with pytest.raises(ValueError, match="`fraction` must be between 0 and 1"):
         split_validation(Dataset(name="arm", space="R1", train=(recording(50),)), fraction)
+
+
+def test_short_recordings_of_few_initial_states_give_whole_groups():
+    ts = np.arange(4.0)
+    recordings = tuple(
+        Trajectory(name=f"r{k}", ts=ts, q=ts[:, None] + k // 9, rates=np.ones((4, 1)), us=np.full((4, 1), float(k)))
+        for k in range(36)
+    )
+    split = split_validation(Dataset(name="short", space="R1", train=recordings), 0.1, min_samples=4)
+    assert len(split.validation) == 9
+    assert {r.q[0, 0] for r in split.validation}.isdisjoint({r.q[0, 0] for r in split.train})

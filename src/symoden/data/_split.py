@@ -50,7 +50,7 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
 
     Where there are many, whole trajectories are held out, evenly spread over the data set; those with the same first
     state (one initial condition under several inputs) stay together, since they resemble each other. Of fewer than 10
-    such groups each recording gives its end.
+    such groups each recording gives its end, unless all are too short for that.
 
     Args:
         dataset: Data set; one that has validation recordings is returned as it is.
@@ -72,12 +72,13 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
     groups: dict[tuple[bytes, bytes], list[Trajectory]] = {}
     for trajectory in dataset.train:
         groups.setdefault((trajectory.q[0].tobytes(), trajectory.rates[0].tobytes()), []).append(trajectory)
-    if len(groups) >= _MANY:
+    tails = [_without_tail(trajectory, fraction, min_samples) for trajectory in dataset.train]
+    if len(groups) >= _MANY or (len(groups) > 1 and not any(held for _, held in tails)):
         count = max(1, round(fraction * len(groups)))
         held = {int((k + 0.5) * len(groups) / count) for k in range(count)}
         parts = [([], group) if k in held else (group, []) for k, group in enumerate(groups.values())]
     else:
-        parts = [_without_tail(trajectory, fraction, min_samples) for trajectory in dataset.train]
+        parts = tails
     train = tuple(trajectory for kept, _ in parts for trajectory in kept)
     validation = tuple(trajectory for _, held in parts for trajectory in held)
     if not train or not validation:
