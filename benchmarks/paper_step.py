@@ -7,6 +7,8 @@ Figures to beat, the authors' PyTorch code on two cores: 0.31 s (task 1) and 2.2
 
 import sys
 import time
+from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -24,7 +26,7 @@ from symoden.training._problem import Batch, Objective
 STEPS = 5
 
 
-def seconds_of(function: eqx.Module, *arguments: object) -> float:
+def seconds_of(function: Callable[..., Any], *arguments: Any) -> float:  # noqa: ANN401 - whatever it takes
     """Least time of three calls, after one that compiles."""
     jax.block_until_ready(function(*arguments))
     times = []
@@ -56,7 +58,7 @@ def step_seconds(name: str) -> tuple[float, int]:
     objective = Objective(jnp.ones(space.embedded_size + space.size), RK4(), zero_hold)
     sampler = Sampler(batch, jnp.asarray(0), config.batch_size, shuffle=False)
 
-    def run(state: object) -> object:
+    def run(state: AdamState) -> tuple:
         return adam_steps(state, fixed, objective, sampler, optimizer, steps=STEPS)
 
     return seconds_of(run, AdamState(free, optimizer.init(free), jnp.zeros((), int))) / STEPS, count_parameters(model)
