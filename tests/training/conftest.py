@@ -1,0 +1,63 @@
+"""Recordings of a damped pendulum and settings that train in a moment."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.data import Dataset, Trajectory
+from symoden.integrate import RK4, rollout
+from symoden.models import BlockConfig, ModelConfig
+from symoden.systems import Pendulum
+from symoden.training import TrainingConfig
+
+CONSTANT = BlockConfig(constant=True)
+CORRECTED = BlockConfig(hidden=(3,), constant=True)
+
+
+@pytest.fixture(scope="session")
+def small():
+    """A model with a correction in it, so that every stage has something to do."""
+    return ModelConfig(
+        inverse_mass=CONSTANT,
+        potential=BlockConfig(hidden=(4,)),
+        actuation=CONSTANT,
+        friction=CORRECTED,
+        energy=(4,),
+        flow=(4,),
+        knees=(),
+    )
+
+
+@pytest.fixture(scope="session")
+def quick():
+    """A few steps in every stage."""
+    return TrainingConfig(
+        validation=0.25,
+        adam_steps=300,
+        batch_size=8,
+        horizon=3,
+        lm_steps=3,
+        lm_horizon=5,
+        lm_substeps=1,
+        growth_steps=2,
+    )
+
+
+@pytest.fixture(scope="session")
+def pendulum():
+    """Simulate recordings of a damped pendulum."""
+
+    def simulate(*, samples=25, count=3, inputs=1, momenta=False, seed=0):
+        generator = np.random.default_rng(seed)
+        system = Pendulum(damping=0.2, momenta=momenta)
+        ts = np.linspace(0.0, 0.05 * (samples - 1), samples)
+        recordings = []
+        for k in range(count):
+            us = np.repeat(generator.normal(size=(samples // 5 + 1, 1)), 5, axis=0)[:samples] * inputs
+            q0, v0 = generator.uniform(-2, 2, 1), generator.normal(size=1)
+            path = rollout(system, *(jnp.asarray(x) for x in (q0, v0, ts, us)), solver=RK4(4))
+            recording = {"ts": ts, "q": np.asarray(path.q), "rates": np.asarray(path.rates), "us": us[:, :inputs]}
+            recordings.append(Trajectory(name=f"swing{k}", **recording))
+        return Dataset(name="swings", space="T1", train=tuple(recordings), momenta=momenta)
+
+    return simulate

@@ -1,0 +1,114 @@
+"""A run that is stopped, or killed, and resumed ends with the weights of an uninterrupted one, bit for bit."""
+
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import equinox as eqx
+import pytest
+
+from symoden.models import load
+from symoden.storage import StorageError
+from symoden.training import fit
+
+PROGRAM = """
+import sys
+from pathlib import Path
+import numpy as np
+from symoden.data import Dataset, Trajectory
+from symoden.models import BlockConfig, ModelConfig, save
+from symoden.training import TrainingConfig, fit
+
+ts = np.linspace(0.0, 2.0, 41)
+swing = Trajectory(name="swing", ts=ts, q=np.cos(ts)[:, None], rates=-np.sin(ts)[:, None], us=np.zeros((41, 0)))
+plain = BlockConfig(constant=True)
+model = ModelConfig(inverse_mass=plain, potential=BlockConfig(hidden=(4,)), actuation=plain, friction=plain, knees=())
+config = TrainingConfig(validation=0.2, adam_steps=int(sys.argv[2]), batch_size=8, horizon=3, lm_steps=2,
+     lm_horizon=5, lm_substeps=1)
+folder = Path(sys.argv[1])
+dataset = Dataset(name="spring", space="R1", train=(swing,))
+result = fit(dataset, model=model, config=config, folder=folder, resume=True)
+save(folder / "model.safetensors", result.model)
+"""
+
+
+def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(pendulum, small, quick, tmp_path):
+    dataset = pendulum()
+    whole = fit(dataset, model=small, config=quick, folder=tmp_path / "whole")
+    stages = set()
+    for _ in range(50):
+        part = fit(
+            dataset,
+            model=small,
+            config=quick,
+            folder=tmp_path / "parts",
+            resume=True,
+            max_minutes=0.0,
+            progress=lambda now: stages.add(now.stage),
+        )
+        if part.completed:
+            break
+        assert "time limit" in part.outcome
+    assert part.completed
+    assert {"adam", "levenberg-marquardt", "growth"} <= stages
+    assert eqx.tree_equal(part.model, whole.model)
+    assert part.loss == whole.loss
+    lines = [len((tmp_path / run / "metrics.jsonl").read_text().splitlines()) for run in ("whole", "parts")]
+    assert lines[0] == lines[1]
+
+
+def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path):
+    config = dataclasses.replace(quick, adam_steps=5, lm_steps=1)
+    first = fit(pendulum(), model=small, config=config, folder=tmp_path)
+    strides = []
+    again = fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True, progress=strides.append)
+    assert strides == []
+    assert eqx.tree_equal(first.model, again.model)
+    assert again.completed
+
+
+def test_a_checkpoint_of_other_settings_is_refused(pendulum, small, quick, tmp_path):
+    config = dataclasses.replace(quick, adam_steps=600, lm_steps=0)
+    fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=0.0)
+    other = dataclasses.replace(small, potential=dataclasses.replace(small.potential, hidden=(5,)))
+    with pytest.raises(StorageError, match="same settings"):
+        fit(pendulum(), model=other, config=config, folder=tmp_path, resume=True)
+
+
+def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
+    config = dataclasses.replace(quick, adam_steps=600, lm_steps=0)
+    fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=0.0)
+    path = tmp_path / "checkpoints" / "latest.safetensors"
+    path.write_bytes(path.read_bytes()[:-7])
+    with pytest.raises(StorageError, match="truncated or damaged"):
+        fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
+def test_a_killed_run_resumes_to_the_same_bits(tmp_path):
+    steps = str(250 * 20)
+    environment = os.environ | {"JAX_PLATFORMS": "cpu"}
+
+    def command(folder):
+        return [sys.executable, "-c", PROGRAM, str(tmp_path / folder), steps]
+
+    checkpoint = tmp_path / "killed" / "checkpoints" / "latest.safetensors"
+    with subprocess.Popen(command("killed"), env=environment) as running:
+        while not checkpoint.exists() and running.poll() is None:
+            time.sleep(0.02)
+        running.kill()
+    assert running.returncode == -signal.SIGKILL
+    assert not (tmp_path / "killed" / "model.safetensors").exists()
+    for folder in ("killed", "whole"):
+        subprocess.run(command(folder), env=environment, check=True)
+    models = [load(tmp_path / run / "model.safetensors") for run in ("killed", "whole")]
+    assert eqx.tree_equal(*models)
+
+
+def test_nothing_is_written_without_a_folder(pendulum, small, quick, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    fit(pendulum(), model=small, config=dataclasses.replace(quick, adam_steps=2, lm_steps=0))
+    assert list(tmp_path.iterdir()) == []
