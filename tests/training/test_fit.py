@@ -1,0 +1,131 @@
+"""Fitting: known parameters are recovered, and what is odd but sound trains as well."""
+
+import dataclasses
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.data import DataError, Dataset, Trajectory
+from symoden.models import KINDS, BlockConfig, ModelConfig
+from symoden.systems import Pendulum
+from symoden.training import TrainingConfig, TrainingError, fit
+from symoden.training._fit import _prepare
+
+CONSTANT = BlockConfig(constant=True)
+
+
+def finite(model):
+    return all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(eqx.filter(model, eqx.is_inexact_array)))
+
+
+def test_the_parameters_of_a_damped_pendulum_are_recovered(pendulum):
+    truth = Pendulum(damping=0.2)
+    model = ModelConfig(
+        inverse_mass=CONSTANT, potential=BlockConfig(hidden=(6,)), actuation=CONSTANT, friction=CONSTANT, knees=()
+    )
+    config = TrainingConfig(
+        validation=0.2, adam_steps=300, batch_size=64, horizon=5, lm_steps=20, lm_horizon=7, growth_steps=0
+    )
+    dataset = pendulum(samples=41, count=6)
+    found = fit(dataset, model=model, config=config).model
+    q, v = jnp.array([0.4]), jnp.array([0.7])
+    g = found.input_matrix(q)[0, 0]  # The gauge: only ratios to it are known.
+    ratios = [found.mass_matrix(q)[0, 0] / g, found.dissipation_matrix(q, v)[0, 0] / g]
+    expected = [truth.mass_matrix(q)[0, 0], truth.dissipation_matrix(q, v)[0, 0]]
+    assert [float(x) for x in ratios] == pytest.approx([float(x) for x in expected], rel=0.02)
+    angles = jnp.linspace(-1.5, 1.5, 9)[:, None]
+    learned, true = (np.asarray(jax.vmap(jax.grad(s.potential_energy))(angles)) for s in (found, truth))
+    assert learned / float(g) == pytest.approx(true, abs=0.05 * np.abs(true).max())
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_others(pendulum, small, quick):
+    first, again, other = (
+        fit(pendulum(), model=small, config=dataclasses.replace(quick, seed=seed)).model for seed in (5, 5, 6)
+    )
+    assert eqx.tree_equal(first, again)
+    assert not eqx.tree_equal(first, other)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_of_model_trains(kind, pendulum, small, quick):
+    model = dataclasses.replace(small, kind=kind)
+    short, long = (
+        fit(pendulum(), model=model, config=dataclasses.replace(quick, adam_steps=steps, lm_steps=0, validation=0.0))
+        for steps in (1, 300)
+    )
+    assert finite(long.model)
+    assert long.completed
+    assert long.loss < short.loss
+
+
+@pytest.mark.parametrize("change", [{"inputs": 0}, {"momenta": True}, {"count": 1}], ids=["free", "momenta", "single"])
+def test_odd_recordings_train(change, pendulum, small, quick):
+    result = fit(pendulum(**change), model=small, config=dataclasses.replace(quick, adam_steps=20))
+    assert finite(result.model)
+    assert result.model.inputs == change.get("inputs", 1)
+    assert result.model.momenta == change.get("momenta", False)
+
+
+def test_one_window_in_a_batch_trains(pendulum, small, quick):
+    result = fit(pendulum(), model=small, config=dataclasses.replace(quick, batch_size=1, lm_steps=0, adam_steps=50))
+    assert finite(result.model)
+    assert math.isfinite(result.loss)
+
+
+def test_a_recording_shorter_than_a_window_is_refused(pendulum, small, quick):
+    with pytest.raises(DataError, match="swing0"):
+        fit(pendulum(samples=6, count=1), model=small, config=dataclasses.replace(quick, horizon=20, validation=0.0))
+
+
+def test_recordings_of_a_few_samples_train(pendulum, small):
+    config = TrainingConfig(adam_steps=5, lm_steps=2, growth_steps=0, validation=0.0)
+    assert finite(fit(pendulum(samples=4, count=2), model=small, config=config).model)
+
+
+def test_a_hopeless_learning_rate_ends_with_a_clear_outcome(pendulum, small, quick):
+    config = dataclasses.replace(quick, learning_rate=1e6, clip=None, cosine=False, lm_steps=0, adam_steps=600)
+    with pytest.raises(TrainingError, match="lower the learning rate"):
+        fit(pendulum(), model=small, config=config)
+
+
+def test_data_without_a_finite_model_is_a_training_error(small, quick):
+    ts = np.linspace(0.0, 2.0, 30)
+    huge = 1e30 * np.stack([np.exp(ts)], axis=1)
+    trajectory = Trajectory(name="huge", ts=ts, q=huge, rates=huge, us=np.zeros((30, 0)))
+    dataset = Dataset(name="huge", space="R1", train=(trajectory,))
+    raw = dataclasses.replace(small, scaled=False)
+    config = dataclasses.replace(quick, lm_steps=0, scaled_loss=False)
+    with pytest.raises(TrainingError, match="every rollout diverged"):
+        fit(dataset, model=raw, config=config)
+
+
+def test_the_global_precision_is_left_alone_and_followed(pendulum, small, quick):
+    dataset = pendulum()
+    config = dataclasses.replace(quick, adam_steps=20)
+    with jax.enable_x64(False):
+        result = fit(dataset, model=small, config=config)
+        assert not jax.config.jax_enable_x64
+        assert jnp.zeros(()).dtype == jnp.float32
+    assert jax.config.jax_enable_x64
+    leaves = jax.tree.leaves(eqx.filter(result.model, eqx.is_inexact_array))
+    assert {leaf.dtype for leaf in leaves} == {np.dtype(np.float32)}
+    double = fit(dataset, model=small, config=config)
+    for single, other in zip(leaves, jax.tree.leaves(eqx.filter(double.model, eqx.is_inexact_array)), strict=True):
+        assert other.dtype == jnp.float64
+        assert np.array_equal(single, other.astype(np.float32))
+
+
+def test_validation_windows_are_no_training_windows(pendulum, small, quick):
+    for count in (2, 12):
+        stages, _ = _prepare(pendulum(count=count), small, quick)
+        for stage in stages:
+            assert stage.data.validation is not None
+            rows = [
+                {tuple(row) for row in np.concatenate([part.q, part.rates], axis=-1).reshape(-1, 2).tolist()}
+                for part in (stage.data.train, stage.data.validation)
+            ]
+            assert rows[0].isdisjoint(rows[1])
