@@ -1,5 +1,7 @@
 """Blocks over random coefficients: signs, shapes, periodicity, what is trained and what is not."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -121,7 +123,7 @@ def test_a_sum_adds_its_terms():
     assert np.array_equal(total(Q), [111.0, 222.0])
 
 
-def joint(seed):
+def joint(seed) -> Any:
     generator = np.random.default_rng(seed)
     return JointFriction(
         viscous=Constant(jnp.asarray(generator.normal(size=3))),

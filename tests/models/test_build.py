@@ -1,6 +1,7 @@
 """Building models: every setting has its effect, sizes are what they should be, nonsense is refused."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -20,7 +21,7 @@ BASE = ModelConfig(
 WIDER = BlockConfig(hidden=(7,))
 
 
-def made(config, space="R1 T1", inputs=1, *, key=0, **others):
+def made(config, space="R1 T1", inputs=1, *, key=0, **others) -> Any:
     return build(config, Space.parse(space), inputs, key=jax.random.key(key), **others)
 
 

@@ -1,5 +1,7 @@
 """The paper's embedded equations are ours, seen through the embedding."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -56,6 +58,6 @@ def test_the_pendulum_swings_by_the_textbook_equation():
 
 
 def test_momentum_data_have_no_velocities_to_embed():
-    model = build(ModelConfig(), Space.parse("T1"), 1, momenta=True, key=jax.random.key(0))
+    model: Any = build(ModelConfig(), Space.parse("T1"), 1, momenta=True, key=jax.random.key(0))
     with pytest.raises(ValueError, match="rates are momenta"):
         embedded_vector_field(model, jnp.ones(3), jnp.ones(1))

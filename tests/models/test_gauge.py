@@ -1,5 +1,7 @@
 """A common factor of M, V, g and D cannot be seen in velocities."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -100,7 +102,7 @@ def test_a_factor_is_positive_and_finite(beta, small_model):
 
 
 def test_measured_momenta_fix_the_scale():
-    model = build(ModelConfig(), Space.parse("T1"), 1, momenta=True, key=jax.random.key(0))
+    model: Any = build(ModelConfig(), Space.parse("T1"), 1, momenta=True, key=jax.random.key(0))
     with pytest.raises(ValueError, match="momenta are measured"):
         rescale(model, 2.0)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -31,7 +32,7 @@ def test_the_parameters_of_a_damped_pendulum_are_recovered(pendulum):
         validation=0.2, adam_steps=300, batch_size=64, horizon=5, lm_steps=20, lm_horizon=7, growth_steps=0
     )
     dataset = pendulum(samples=41, count=6)
-    found = fit(dataset, model=model, config=config).model
+    found: Any = fit(dataset, model=model, config=config).model
     q, v = jnp.array([0.4]), jnp.array([0.7])
     g = found.input_matrix(q)[0, 0]  # The gauge: only ratios to it are known.
     ratios = [found.mass_matrix(q)[0, 0] / g, found.dissipation_matrix(q, v)[0, 0] / g]
@@ -108,9 +109,8 @@ def test_the_global_precision_is_left_alone_and_followed(pendulum, small, quick)
     config = dataclasses.replace(quick, adam_steps=20)
     with jax.enable_x64(False):
         result = fit(dataset, model=small, config=config)
-        assert not jax.config.jax_enable_x64
         assert jnp.zeros(()).dtype == jnp.float32
-    assert jax.config.jax_enable_x64
+    assert jnp.zeros(()).dtype == jnp.float64
     leaves = jax.tree.leaves(eqx.filter(result.model, eqx.is_inexact_array))
     assert {leaf.dtype for leaf in leaves} == {np.dtype(np.float32)}
     double = fit(dataset, model=small, config=config)
@@ -122,6 +122,7 @@ def test_the_global_precision_is_left_alone_and_followed(pendulum, small, quick)
 def test_validation_windows_are_no_training_windows(pendulum, small, quick):
     for count in (2, 12):
         stages, _ = _prepare(pendulum(count=count), small, quick)
+        stage: Any
         for stage in stages:
             assert stage.data.validation is not None
             rows = [

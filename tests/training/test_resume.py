@@ -38,7 +38,7 @@ save(folder / "model.safetensors", result.model)
 def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(pendulum, small, quick, tmp_path):
     dataset = pendulum()
     whole = fit(dataset, model=small, config=quick, folder=tmp_path / "whole")
-    stages = set()
+    stages, part = set(), whole
     for _ in range(50):
         part = fit(
             dataset,
