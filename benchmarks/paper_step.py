@@ -55,7 +55,7 @@ def step_seconds(name: str) -> tuple[float, int]:
     # One step at a constant rate costs what every step costs.
     rate, decay = config.learning_rate, config.weight_decay
     optimizer = adam(steps=1, learning_rate=rate, cosine=False, clip=None, weight_decay=decay)
-    objective = Objective(jnp.ones(space.embedded_size + space.size), RK4(), zero_hold)
+    objective = Objective(jnp.ones(space.embedded_size + space.size), RK4(unroll=True), zero_hold, unroll=True)
     sampler = Sampler(batch, jnp.asarray(0), config.batch_size, shuffle=False)
 
     def run(state: AdamState) -> tuple:

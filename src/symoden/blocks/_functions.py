@@ -35,6 +35,9 @@ class AbstractFunction(eqx.Module):
         """Coefficients at the configuration `q`."""
 
 
+_WAVES = 2.0  # Spread of the first frequencies of a network of sines, relative to the inputs' scale.
+
+
 @final
 class Perceptron(eqx.Module):
     """Fully connected network with standardised inputs and a linear last layer.
@@ -72,7 +75,7 @@ class Perceptron(eqx.Module):
         scale: np.ndarray | None = None,
         key: PRNGKeyArray,
     ) -> "Perceptron":
-        """Draw orthogonal weights and zero biases.
+        """Draw orthogonal weights and zero biases; sines start with waves of many lengths and any phase.
 
         Args:
             sizes: Widths of the layers, from the input to the output.
@@ -83,14 +86,21 @@ class Perceptron(eqx.Module):
 
         Returns:
             The network.
+
+        References:
+            Sitzmann et al. (2020), *Implicit neural representations with periodic activation functions*: sines need
+            a first layer of high frequencies, or they learn smooth functions only.
         """
-        keys = jax.random.split(key, len(sizes) - 1)
+        wave_key, phase_key, *keys = jax.random.split(key, len(sizes) + 1)
         orthogonal = jax.nn.initializers.orthogonal()
+        weights = [orthogonal(k, shape, float) for k, shape in zip(keys, itertools.pairwise(sizes), strict=True)]
+        biases = [jnp.zeros(size, float) for size in sizes[1:]]
+        if activation == "sin":
+            weights[0] = _WAVES * jax.random.normal(wave_key, weights[0].shape, float)
+            biases[0] = jax.random.uniform(phase_key, biases[0].shape, float, -jnp.pi, jnp.pi)
         return cls(
-            weights=tuple(
-                orthogonal(k, shape, float) for k, shape in zip(keys, itertools.pairwise(sizes), strict=True)
-            ),
-            biases=tuple(jnp.zeros(size, float) for size in sizes[1:]),
+            weights=tuple(weights),
+            biases=tuple(biases),
             center=Known(jnp.asarray(np.zeros(sizes[0]) if center is None else center, float)),
             scale=Known(jnp.asarray(np.ones(sizes[0]) if scale is None else scale, float)),
             activation=activation,

@@ -69,6 +69,7 @@ def rollout(
     *,
     solver: AbstractSolver | None = None,
     hold: Hold = zero_hold,
+    unroll: bool = False,
 ) -> Rollout:
     """Simulate from a measured configuration and its rates.
 
@@ -80,6 +81,7 @@ def rollout(
         us: Inputs at the samples.
         solver: What advances the state from sample to sample; one RK4 step if absent.
         hold: How an input acts between samples: `zero_hold` or `linear_hold`.
+        unroll: Write the samples out instead of looping over them: slower to compile, faster for large networks.
 
     Returns:
         The trajectory at the samples, the first one included.
@@ -98,7 +100,7 @@ def rollout(
         return after, after
 
     start = dynamics.encode(q0, rates0)
-    _, later = jax.lax.scan(step, start, (ts[:-1], ts[1:], *hold(us)))
+    _, later = jax.lax.scan(step, start, (ts[:-1], ts[1:], *hold(us)), unroll=unroll)
     states = jnp.concatenate([start[None], later])
     q, rates = jax.vmap(dynamics.decode)(states)
     return Rollout(states=states, q=q, rates=rates, observations=jax.vmap(dynamics.observe)(states))

@@ -30,9 +30,11 @@ class RK4(AbstractSolver):
     Attributes:
         substeps: Number of steps; more of them where friction is stiff. An integer array instead of an `int` lets it
             change without compiling again, but then reverse-mode differentiation does not reach through.
+        unroll: Write the stages out instead of looping over them: slower to compile, faster for large networks.
     """
 
     substeps: int | Int[Array, ""] = 1
+    unroll: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self) -> None:
         """Refuse an interval without steps.
@@ -63,8 +65,9 @@ class RK4(AbstractSolver):
                 return (add(total, k, weight * h), k), None
 
             # A loop over the stages instead of four copies of the field halves the time to compile.
+            still = jax.tree.map(jnp.zeros_like, x)
             table = jnp.asarray([[0, 1 / 2, 1 / 2, 1], [1 / 6, 1 / 3, 1 / 3, 1 / 6]], t0.dtype)
-            (total, _), _ = jax.lax.scan(stage, (x, jax.tree.map(jnp.zeros_like, x)), (table[0], table[1]))
+            (total, _), _ = jax.lax.scan(stage, (x, still), (table[0], table[1]), unroll=self.unroll)
             return total
 
         if isinstance(self.substeps, int) and self.substeps == 1:

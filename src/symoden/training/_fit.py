@@ -123,7 +123,8 @@ def fit(
 def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
     """Split and cut the recordings, build the model, and line up the stages."""
     if config.validation:
-        dataset = split_validation(dataset, config.validation, min_samples=_SHORTEST + 1)
+        longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
+        dataset = split_validation(dataset, config.validation, min_samples=longest + 1)
     space = Space.parse(dataset.space)
     scales = None
     if model.scaled:
@@ -181,7 +182,8 @@ def _data(
         validation = Batch.of(windows(dataset.validation, horizon, stride=stride), dtype)
     channels = dynamics.space.embedded_size + dynamics.space.size
     weights = channel_weights(train, dynamics) if config.scaled_loss else np.ones(channels)
-    objective = Objective(jnp.asarray(weights, dtype), RK4(config.substeps), HOLDS[dataset.hold])
+    solver = RK4(config.substeps, unroll=config.unroll)
+    objective = Objective(jnp.asarray(weights, dtype), solver, HOLDS[dataset.hold], unroll=config.unroll)
     return Data(train, validation, objective)
 
 

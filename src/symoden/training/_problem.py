@@ -52,15 +52,26 @@ class Objective(eqx.Module):
         weights: Factor on the error of every observed channel (embedded coordinates, then rates).
         solver: Advances the state between samples.
         hold: How inputs act between samples.
+        unroll: Write the samples out instead of looping over them.
     """
 
     weights: Float[Array, " o"]
     solver: AbstractSolver
     hold: Hold = eqx.field(static=True)
+    unroll: bool = eqx.field(static=True, default=False)
 
     def residuals(self, dynamics: AbstractDynamics, window: Batch) -> Float[Array, "h o"]:
         """Weighted errors of the predicted samples of one window; its first sample is where the rollout starts."""
-        path = rollout(dynamics, window.q[0], window.rates[0], window.ts, window.us, solver=self.solver, hold=self.hold)
+        path = rollout(
+            dynamics,
+            window.q[0],
+            window.rates[0],
+            window.ts,
+            window.us,
+            solver=self.solver,
+            hold=self.hold,
+            unroll=self.unroll,
+        )
         measured = jnp.concatenate([jax.vmap(dynamics.space.embed)(window.q), window.rates], axis=1)
         return self.weights.astype(measured.dtype)[None] * (path.observations - measured)[1:]
 
