@@ -73,7 +73,6 @@ def preset(name: str, *, task: str | None, kind: Kind) -> tuple[ModelConfig, Tra
     training = TrainingConfig(
         validation=0.0,
         horizon=3,
-        unroll=True,
         adam_steps=5000,
         batch_size=1088,
         shuffle=False,

@@ -24,7 +24,7 @@ from ._scales import measure_scales, time_scale
 from ._stages import AbstractStage, AdamStage, Data, LevenbergStage, TrainingState, cast
 
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
-_LM_HORIZON = 1.0
+_LM_HORIZON = 2.0
 _SHORTEST = 3
 
 
@@ -188,12 +188,12 @@ def _data(
 
 
 def _horizon(dataset: Dataset, share: float, least: int) -> int:
-    """Steps in a share of the motion's time scale, such that whole windows fill the shortest recording."""
+    """Steps in a share of the motion's time scale; two windows or more fill the shortest recording."""
     recordings = dataset.train + dataset.validation
     step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in recordings])))
     longest = min(len(recording) for recording in recordings) - 1
     wanted = max(least, round(share * time_scale(dataset.train) / step))
-    return max(1, longest // max(1, round(longest / wanted)))
+    return max(1, longest // max(1, min(2, longest // least), round(longest / wanted)))
 
 
 def _has_corrections(dynamics: AbstractDynamics) -> bool:
