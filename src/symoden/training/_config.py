@@ -13,7 +13,8 @@ class TrainingConfig:
         horizon: Steps that Adam predicts from each start point; chosen from the data's time scale if None.
         substeps: RK4 steps in each sampling interval while Adam runs.
         unroll: Write Adam's rollouts out instead of looping over steps: slower to compile, three times as fast to run.
-        adam_steps: Number of Adam's steps.
+        restarts: Number of initial weights that Adam starts from; the one with the least validation loss goes on.
+        adam_steps: Number of Adam's steps from each of them.
         batch_size: Windows in one of Adam's steps.
         shuffle: Draw windows at random; otherwise take consecutive blocks in turn, as the paper does.
         learning_rate: Adam's first learning rate.
@@ -36,7 +37,8 @@ class TrainingConfig:
     horizon: int | None = None
     substeps: int = 1
     unroll: bool = True
-    adam_steps: int = 2000
+    restarts: int = 3
+    adam_steps: int = 1000
     batch_size: int = 256
     shuffle: bool = True
     learning_rate: float = 1e-2
@@ -45,7 +47,7 @@ class TrainingConfig:
     weight_decay: float = 0.0
     keep_best: bool = True
     scaled_loss: bool = True
-    lm_steps: int = 20
+    lm_steps: int = 30
     lm_horizon: int | None = None
     lm_substeps: int | None = None
     damping: float = 1e-4
@@ -59,7 +61,15 @@ class TrainingConfig:
         Raises:
             ValueError: If a count is below its least value, or a share is out of range.
         """
-        least = {"substeps": 1, "adam_steps": 0, "batch_size": 1, "lm_steps": 0, "patience": 1, "growth_steps": 0}
+        least = {
+            "substeps": 1,
+            "restarts": 1,
+            "adam_steps": 0,
+            "batch_size": 1,
+            "lm_steps": 0,
+            "patience": 1,
+            "growth_steps": 0,
+        }
         for name, bound in least.items():
             if getattr(self, name) < bound:
                 raise ValueError(f"`{name}` must be at least {bound}; got {getattr(self, name)}.")

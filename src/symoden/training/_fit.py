@@ -8,6 +8,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 from jax.typing import DTypeLike
 
 from symoden.blocks import Correction
@@ -17,6 +18,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 
+from ._adam import adam
 from ._config import TrainingConfig
 from ._problem import Batch, Objective, channel_weights
 from ._run import Journal, Progress, run
@@ -129,23 +131,29 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     scales = None
     if model.scaled:
         scales = measure_scales(dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix)
-    dynamics = build(
-        model,
-        space,
-        dataset.inputs,
-        momenta=dataset.momenta,
-        scales=scales,
-        input_matrix=dataset.input_matrix,
-        key=jax.random.key(config.seed),
-    )
+    key = jax.random.key(config.seed)
+    candidates = [
+        build(
+            model,
+            space,
+            dataset.inputs,
+            momenta=dataset.momenta,
+            scales=scales,
+            input_matrix=dataset.input_matrix,
+            key=jax.random.fold_in(key, candidate),
+        )
+        for candidate in range(config.restarts if config.adam_steps else 1)
+    ]
+    dynamics = candidates[0]
     stages: list[AbstractStage] = []
     if config.adam_steps:
-        stages.append(AdamStage(_adam_data(dataset, dynamics, config), config))
+        data, optimizer = _adam_data(dataset, dynamics, config), _optimizer(config)
+        stages.extend(AdamStage(data, config, fresh, optimizer, k) for k, fresh in enumerate(candidates))
     if config.lm_steps:
         data = _levenberg_data(dataset, dynamics, config)
         stages.append(LevenbergStage(data, config))
         if config.growth_steps and _has_corrections(dynamics):
-            stages.append(LevenbergStage(data, config, corrections=True, name="growth"))
+            stages.append(LevenbergStage(data, config, corrections=True))
     state = TrainingState(
         stage=0,
         step=0,
@@ -158,6 +166,17 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         stale=0,
     )
     return stages, state
+
+
+def _optimizer(config: TrainingConfig) -> optax.GradientTransformation:
+    """Adam with the settings' schedule."""
+    return adam(
+        steps=config.adam_steps,
+        learning_rate=config.learning_rate,
+        cosine=config.cosine,
+        clip=config.clip,
+        weight_decay=config.weight_decay,
+    )
 
 
 def _adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:

@@ -16,7 +16,7 @@ from symoden.blocks import trainable
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
-from ._adam import AdamState, Sampler, adam, adam_steps
+from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._flatten import Flattening
 from ._levenberg_marquardt import LevenbergState, levenberg_marquardt_step
@@ -93,8 +93,15 @@ class Data(NamedTuple):
 class AbstractStage(abc.ABC):
     """One stage of training."""
 
-    name: str
-    steps: int
+    @property
+    @abc.abstractmethod
+    def name(self) -> str:
+        """What reports call it."""
+
+    @property
+    @abc.abstractmethod
+    def steps(self) -> int:
+        """Largest number of steps."""
 
     @abc.abstractmethod
     def start(self, state: TrainingState) -> TrainingState:
@@ -113,12 +120,22 @@ class AdamStage(AbstractStage):
     Attributes:
         data: Overlapping windows, in the precision to train in.
         config: Settings.
-        name: What reports call it.
+        fresh: The untrained model to start from.
+        optimizer: What updates the parameters. Made once and shared, since JAX recognises a compiled function by the
+            identity of the functions it was made from.
+        candidate: Which of the restarts this is; the best model of those before is kept if it is better.
     """
 
     data: Data
     config: TrainingConfig
-    name: str = "adam"
+    fresh: AbstractDynamics
+    optimizer: optax.GradientTransformation
+    candidate: int = 0
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return f"adam {self.candidate + 1} of {self.config.restarts}" if self.config.restarts > 1 else "adam"
 
     @property
     def steps(self) -> int:
@@ -126,17 +143,18 @@ class AdamStage(AbstractStage):
         return self.config.adam_steps
 
     def start(self, state: TrainingState) -> TrainingState:
-        """Begin with an empty memory."""
-        model = cast(state.model, self.data.train.q.dtype)
-        optimizer = self._optimizer.init(eqx.filter(model, trainable(model, corrections=False)))
-        return state._replace(step=0, model=model, best=model, optimizer=optimizer, best_loss=math.inf)
+        """Begin with fresh weights and an empty memory."""
+        dtype = self.data.train.q.dtype
+        model = cast(self.fresh, dtype)
+        memory = self.optimizer.init(eqx.filter(model, trainable(model, corrections=False)))
+        return state._replace(step=0, model=model, best=cast(state.best, dtype), optimizer=memory)
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
         free, fixed = eqx.partition(state.model, trainable(state.model, corrections=False))
         steps = min(_CHUNK, self.steps - state.step)
         before = AdamState(free, state.optimizer, jnp.asarray(state.step))
-        after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self._optimizer, steps=steps)
+        after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self.optimizer, steps=steps)
         model = eqx.combine(after.free, fixed)
         validation = self.data.validation_loss(model, self.data.objective)
         state = state._replace(step=state.step + steps, model=model, optimizer=after.optimizer)
@@ -155,18 +173,6 @@ class AdamStage(AbstractStage):
         size = min(self.config.batch_size, windows.ts.shape[0])
         return Sampler(windows, jnp.asarray(self.config.seed), size, self.config.shuffle)
 
-    @functools.cached_property
-    def _optimizer(self) -> optax.GradientTransformation:
-        # Made once: JAX recognises a compiled function by the identity of the functions it was made from.
-        config = self.config
-        return adam(
-            steps=config.adam_steps,
-            learning_rate=config.learning_rate,
-            cosine=config.cosine,
-            clip=config.clip,
-            weight_decay=config.weight_decay,
-        )
-
 
 @final
 @dataclass(frozen=True)
@@ -180,13 +186,16 @@ class LevenbergStage(AbstractStage):
         data: Windows that hardly overlap, in double precision.
         config: Settings.
         corrections: Whether the blocks' corrections are free. Such a stage is skipped where nothing is left to explain.
-        name: What reports call it.
     """
 
     data: Data
     config: TrainingConfig
     corrections: bool = False
-    name: str = "levenberg-marquardt"
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "growth" if self.corrections else "levenberg-marquardt"
 
     @property
     def steps(self) -> int:
