@@ -18,6 +18,9 @@ Parameters = Float[Array, " P"]
 Sensitivity = Float[Array, "s P"]
 
 
+_LARGEST_JACOBIAN = 2**24  # Entries held at once.
+
+
 class NormalEquations(NamedTuple):
     """Second-order model of the loss at one point: loss + 2 gradientᵀ δ + δᵀ matrix δ.
 
@@ -100,7 +103,7 @@ def normal_equations(
     objective: Objective,
     batch: Batch,
     *,
-    chunk: int = 256,
+    chunk: int | None = None,
 ) -> NormalEquations:
     """Gather JᵀJ and Jᵀr over all windows in bounded memory.
 
@@ -112,7 +115,7 @@ def normal_equations(
         theta: Flat parameters.
         objective: How rollouts are compared with windows.
         batch: Windows.
-        chunk: Number of windows linearised at once.
+        chunk: Number of windows linearised at once; as many as keep their Jacobian below 128 MB if None.
 
     Returns:
         The normal equations, in double precision.
@@ -121,13 +124,14 @@ def normal_equations(
     gradient = np.zeros(theta.size)
     loss, count = 0.0, 0
     total = batch.ts.shape[0]
-    chunk = min(chunk, total)
+    rows = (batch.ts.shape[1] - 1) * objective.weights.size
+    chunk = min(chunk or max(1, _LARGEST_JACOBIAN // (rows * theta.size)), total)
     for start in range(0, total, chunk):
         # The last chunk is filled up with windows whose rows are dropped, so that one compiled function serves all.
         index = np.minimum(np.arange(start, start + chunk), total - 1)
         r, J = (np.asarray(x) for x in _linearize_chunk(restore, theta, objective, batch.take(index)))
-        rows = len(r) // chunk * min(chunk, total - start)
-        r, J = r[:rows], J[:rows]
+        kept = rows * min(chunk, total - start)
+        r, J = r[:kept], J[:kept]
         matrix += J.T @ J
         gradient += J.T @ r
         loss += float(r.astype(np.float64) @ r)
