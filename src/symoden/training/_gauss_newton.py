@@ -18,7 +18,7 @@ Parameters = Float[Array, " P"]
 Sensitivity = Float[Array, "s P"]
 
 
-_LARGEST_JACOBIAN = 2**24  # Entries held at once.
+_LARGEST_JACOBIAN = 2**23  # Entries held at once.
 
 
 class NormalEquations(NamedTuple):
@@ -115,7 +115,7 @@ def normal_equations(
         theta: Flat parameters.
         objective: How rollouts are compared with windows.
         batch: Windows.
-        chunk: Number of windows linearised at once; as many as keep their Jacobian below 128 MB if None.
+        chunk: Number of windows linearised at once; as many as keep their Jacobian below 64 MB if None.
 
     Returns:
         The normal equations, in double precision.
