@@ -20,10 +20,11 @@ from symoden.spaces import Space
 
 from ._adam import adam
 from ._config import TrainingConfig
+from ._flatten import cast
 from ._problem import Batch, Objective, channel_weights
 from ._run import Journal, Progress, run
 from ._scales import measure_scales, time_scale
-from ._stages import AbstractStage, AdamStage, Data, LevenbergStage, TrainingState, cast
+from ._stages import AbstractStage, AdamStage, Data, LevenbergStage, TrainingState
 
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
 _LM_HORIZON = 2.0

@@ -41,7 +41,7 @@ class Flattening(eqx.Module):
             What restores the model, and its free parameters.
         """
         free, fixed = eqx.partition(model, trainable(model, corrections=corrections))
-        fixed = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, fixed)
+        fixed = cast(fixed, dtype)
         leaves, structure = jax.tree.flatten(free)
         theta = jnp.concatenate([jnp.ravel(leaf).astype(dtype) for leaf in leaves])
         return cls(fixed, structure, tuple(leaf.shape for leaf in leaves)), theta
@@ -52,3 +52,8 @@ class Flattening(eqx.Module):
         parts = jnp.split(theta, ends[:-1])
         leaves = [part.reshape(shape) for part, shape in zip(parts, self.shapes, strict=True)]
         return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.fixed)
+
+
+def cast(model: PyTree, dtype: DTypeLike) -> PyTree:
+    """Change the precision of every array of floats."""
+    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, model)

@@ -25,12 +25,10 @@ class LevenbergState(NamedTuple):
     Attributes:
         theta: Flat parameters.
         damping: Factor λ of the damping term, relative to the diagonal of JᵀJ.
-        step: Number of steps done.
     """
 
     theta: Parameters
     damping: float
-    step: int
 
 
 class LevenbergStep(NamedTuple):
@@ -85,11 +83,11 @@ def levenberg_marquardt_step(
         moved = jnp.asarray(trial, state.theta.dtype)
         after = float(_loss(restore, moved, objective, batch))
         if after + ridge * float(trial @ trial) < before:
-            done = LevenbergState(moved, max(damping / 5, _SMALLEST_DAMPING), state.step + 1)
+            done = LevenbergState(moved, max(damping / 5, _SMALLEST_DAMPING))
             return done, LevenbergStep(equations.loss, after, accepted=True)
         damping, growth = min(damping * growth, _LARGEST_DAMPING), 2 * growth
     rejected = LevenbergStep(equations.loss, equations.loss, accepted=False)
-    return LevenbergState(state.theta, damping, state.step + 1), rejected
+    return LevenbergState(state.theta, damping), rejected
 
 
 def _solve(equations: NormalEquations, theta: np.ndarray, *, damping: float, ridge: float) -> np.ndarray:

@@ -39,10 +39,6 @@ class Batch(NamedTuple):
         """Choose windows."""
         return jax.tree.map(lambda x: x[index], self)
 
-    def astype(self, dtype: DTypeLike) -> "Batch":
-        """Change the precision."""
-        return jax.tree.map(lambda x: x.astype(dtype), self)
-
 
 @final
 class Objective(eqx.Module):

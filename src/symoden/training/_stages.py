@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import NamedTuple, final
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import optax
 from jaxtyping import PyTree
@@ -18,7 +17,7 @@ from symoden.mechanics import AbstractDynamics
 
 from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
-from ._flatten import Flattening
+from ._flatten import Flattening, cast
 from ._levenberg_marquardt import LevenbergState, levenberg_marquardt_step
 from ._problem import Batch, Objective, evaluate_loss, integration_error
 
@@ -219,7 +218,7 @@ class LevenbergStage(AbstractStage):
         objective = self._objective(substeps)
         restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
         after, step = levenberg_marquardt_step(
-            LevenbergState(theta, state.damping, state.step),
+            LevenbergState(theta, state.damping),
             restore,
             objective,
             self.data.train,
@@ -257,8 +256,3 @@ class LevenbergStage(AbstractStage):
         loss = evaluate_loss(state.model, coarse, sample)
         finer = float(error) > 0.01 * float(loss) and state.substeps < _MOST_SUBSTEPS
         return 2 * state.substeps if finer else state.substeps
-
-
-def cast(model: PyTree, dtype: jnp.dtype) -> PyTree:
-    """Change the precision of every array of floats."""
-    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, model)
