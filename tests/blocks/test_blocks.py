@@ -127,7 +127,7 @@ def joint(seed) -> Any:
     generator = np.random.default_rng(seed)
     return JointFriction(
         viscous=Constant(jnp.asarray(generator.normal(size=3))),
-        coefficients=jnp.asarray(3 * generator.normal(size=(2, JointFriction.laws(KNEES)))),
+        laws=Constant(jnp.asarray(3 * generator.normal(size=2 * JointFriction.shapes(KNEES)))),
         scale=Known(jnp.array([0.5, 2.0])),
         speed=Known(jnp.array([1.5, 0.7])),
         knees=KNEES,
@@ -147,7 +147,7 @@ def test_joint_friction_takes_energy_whatever_the_signs_of_its_coefficients(seed
 def test_joint_friction_follows_its_formula():
     friction, v = joint(1), np.array([0.4, -1.2])
     w = v / np.array([1.5, 0.7])
-    coefficients = np.asarray(friction.coefficients)
+    coefficients = np.asarray(friction.laws(Q)).reshape(2, -1)
     law = [
         coefficients[i]
         @ [
@@ -167,7 +167,7 @@ def test_joint_friction_is_dry_at_low_and_quadratic_at_high_speed():
     unit = Known(jnp.ones(1))
 
     def force(coefficients, speed):
-        friction = JointFriction(constant(0.0), jnp.array([coefficients]), unit, unit, (0.01,))
+        friction = JointFriction(constant(0.0), constant(*coefficients), unit, unit, (0.01,))
         return float(friction(Q[:1], jnp.array([speed]))[0, 0] * speed)
 
     dry = [force([1.0, 0.0, 0.0], speed) for speed in (0.1, 1.0, 10.0)]

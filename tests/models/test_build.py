@@ -59,8 +59,10 @@ def test_a_setting_changes_the_motion(name):
 def test_knees_give_dry_friction_coefficients_of_its_own():
     model = made(dataclasses.replace(BASE, knees=(0.1, 1.0)))
     assert isinstance(model.friction, JointFriction)
-    assert model.friction.coefficients.shape == (2, 5)
-    freed = eqx.tree_at(lambda model: model.friction.coefficients, model, jnp.ones((2, 5)))
+    laws = jax.tree.leaves(model.friction.laws)
+    assert [law.shape for law in laws] == [(2 * 5,)]
+    assert not any(jax.tree.leaves(trainable(model, corrections=False).friction.laws))  # frozen until asked for
+    freed = eqx.tree_at(lambda model: jax.tree.leaves(model.friction.laws), model, [jnp.ones(10)])
     assert np.abs(motion(freed) - motion(model)).max() > 1e-3
 
 

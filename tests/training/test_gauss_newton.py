@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from symoden.data import windows
-from symoden.integrate import HOLDS, RK4
+from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
-from symoden.training._gauss_newton import linearize, normal_equations
+from symoden.training._gauss_newton import linearize, normal_equations, pull_back
+from symoden.training._levenberg_marquardt import LevenbergState, levenberg_marquardt_step
 from symoden.training._problem import Batch, Objective
 
 
@@ -65,11 +66,11 @@ def test_dry_friction_and_full_friction_have_exact_sensitivities_too(pendulum, s
 def test_the_chunk_changes_the_normal_equations_by_rounding_alone(pendulum, small):
     model, objective, batch = problem(pendulum(), small)
     restore, theta = Flattening.of(model, corrections=False)
-    whole = normal_equations(restore, theta, objective, batch)
+    whole = normal_equations(restore, theta, objective, batch, precision=jnp.float64)
+    assert whole.residuals.shape == (batch.ts.shape[0], 3, 3)
     for chunk in (1, 5, 100):
-        parts = normal_equations(restore, theta, objective, batch, chunk=chunk)
-        assert parts.residuals == whole.residuals == batch.ts.shape[0] * 3 * 3
-        assert parts.loss == pytest.approx(whole.loss, rel=1e-13)
+        parts = normal_equations(restore, theta, objective, batch, chunk=chunk, precision=jnp.float64)
+        assert np.array_equal(parts.residuals, whole.residuals)
         assert parts.matrix == pytest.approx(whole.matrix, rel=1e-11, abs=1e-13 * np.abs(whole.matrix).max())
         assert parts.gradient == pytest.approx(whole.gradient, rel=1e-11, abs=1e-13 * np.abs(whole.gradient).max())
 
@@ -77,10 +78,53 @@ def test_the_chunk_changes_the_normal_equations_by_rounding_alone(pendulum, smal
 def test_the_gradient_of_the_loss_is_twice_that_of_the_normal_equations(pendulum, small):
     model, objective, batch = problem(pendulum(), small)
     restore, theta = Flattening.of(model, corrections=True)
-    equations = normal_equations(restore, theta, objective, batch)
+    equations = normal_equations(restore, theta, objective, batch, precision=jnp.float64)
     loss, slope = jax.value_and_grad(lambda theta: objective.loss(restore(theta), batch))(theta)
     assert equations.loss == pytest.approx(float(loss), rel=1e-12)
     assert 2 * equations.gradient == pytest.approx(np.asarray(slope), abs=1e-10 * (1 + np.abs(slope).max()))
+
+
+def test_a_jacobian_in_single_precision_changes_the_equations_by_its_rounding(pendulum, small):
+    model, objective, batch = problem(pendulum(), small)
+    restore, theta = Flattening.of(model, corrections=True)
+    single, double = (normal_equations(restore, theta, objective, batch, precision=p) for p in (jnp.float32, float))
+    assert np.array_equal(single.residuals, double.residuals)
+    assert single.matrix == pytest.approx(double.matrix, abs=1e-5 * np.abs(double.matrix).max())
+    assert not np.array_equal(single.matrix, double.matrix)
+    assert np.linalg.eigvalsh(single.matrix).min() >= -1e-14 * np.abs(single.matrix).max()
+
+
+def test_pulling_back_is_the_transpose_of_the_jacobian_for_any_chunk(pendulum, small, scrambled):
+    model, objective, batch = problem(pendulum(), small)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=True)
+    equations = normal_equations(restore, theta, objective, batch, precision=float)
+    expected = equations.gradient * equations.residuals.size
+    for chunk in (1, 5, 100):
+        pulled = pull_back(restore, theta, objective, batch, jnp.asarray(equations.residuals), chunk=chunk)
+        assert np.asarray(pulled) == pytest.approx(expected, abs=1e-12 * (1 + np.abs(expected).max()))
+
+
+def test_an_accelerated_step_misses_the_bottom_by_the_third_order(pendulum, small, monkeypatch):
+    model, objective, batch = problem(pendulum(momenta=True), small, momenta=True)
+    restore, bottom = Flattening.of(model, corrections=False)
+    exact = jax.vmap(lambda w: rollout(restore(bottom), w.q[0], w.rates[0], w.ts, w.us))(batch)
+    batch = batch._replace(q=exact.q, rates=exact.rates)
+    away = jnp.asarray(np.random.default_rng(0).normal(size=bottom.size))
+    away = away / jnp.linalg.norm(away)
+
+    def left(distance):
+        start = LevenbergState(bottom + distance * away, 1e-8)
+        _, step = levenberg_marquardt_step(start, restore, objective, batch, reversible=objective)
+        assert step.accepted
+        return np.sqrt(step.after)
+
+    def order():
+        return np.log2(left(0.1) / left(0.025)) / 2
+
+    accelerated = order()
+    monkeypatch.setattr("symoden.training._levenberg_marquardt._LARGEST_BEND", 0.0)
+    assert order() == pytest.approx(2, abs=0.3)
+    assert accelerated == pytest.approx(3, abs=0.3)
 
 
 def test_frozen_corrections_are_no_parameters(pendulum, small):

@@ -89,7 +89,7 @@ def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
 def test_a_killed_run_resumes_to_the_same_bits(tmp_path):
-    steps = str(250 * 20)
+    steps = str(200 * 20)
     environment = os.environ | {"JAX_PLATFORMS": "cpu"}
 
     def command(folder):

@@ -5,7 +5,6 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from symoden.shapes import Coordinates, DissipationMatrix, Velocities
 
@@ -51,7 +50,7 @@ class JointFriction(AbstractFriction):
 
     Attributes:
         viscous: Entries of the lower triangle B(q), row by row.
-        coefficients: The cᵢₖ, a row for each joint.
+        laws: The cᵢₖ, joint by joint.
         scale: Diagonal of S: square roots of the physical units.
         speed: Typical speed of each joint.
         knees: The wₖ.
@@ -62,13 +61,13 @@ class JointFriction(AbstractFriction):
     """
 
     viscous: AbstractFunction
-    coefficients: Float[Array, "n k"]
+    laws: AbstractFunction
     scale: Known
     speed: Known
     knees: tuple[float, ...] = eqx.field(static=True)
 
     @staticmethod
-    def laws(knees: tuple[float, ...]) -> int:
+    def shapes(knees: tuple[float, ...]) -> int:
         """Number of coefficients of each joint."""
         return 2 * len(knees) + 1
 
@@ -77,7 +76,7 @@ class JointFriction(AbstractFriction):
         w = v / self.speed.value
         knee = 1 + (w[:, None] / jnp.asarray(self.knees, w.dtype)[None]) ** 2
         shapes = jnp.concatenate([knee**-0.25, knee**-0.5, ((1 + w**2) ** 0.25 - 1)[:, None]], axis=1)
-        joint = jnp.sum(self.coefficients * shapes, axis=1)
+        joint = jnp.sum(self.laws(q).reshape(shapes.shape) * shapes, axis=1)
         triangle = lower_triangle(self.viscous(q), size=w.shape[0]) + jnp.diag(joint)
         factor = self.scale.value[:, None] * triangle
         return factor @ factor.T

@@ -84,7 +84,7 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
     if not train or not validation:
         raise DataError(
             f"`{dataset.name}`: validation needs recordings in `train` that are long enough to hold out {fraction:.0%} "
-            f"of them, or many; got {len(dataset.train)}. Give `[validation]` files in the description."
+            f"of them, or many; got {len(dataset.train)}. Give more of them, or `[validation]` files."
         )
     return dataclasses.replace(dataset, train=train, validation=validation)
 

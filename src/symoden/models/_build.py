@@ -77,7 +77,8 @@ class ModelConfig:
         energy: Hidden layers of the unstructured model's network.
         flow: Hidden layers of the baselines' network.
         full_friction: Use the paper's 2n × 2n D instead of friction on momenta.
-        knees: Speeds, relative to the typical one, below which dry friction is smoothed; none for viscous friction.
+        knees: Speeds, relative to the typical one, below which dry friction is smoothed; none for viscous friction. Dry
+            and quadratic friction is a correction, which stays zero until validation data ask for it.
         activation: Nonlinearity of every network. If None, "silu" on a space with angles, whose embedding is bounded,
             and "sin" on one of lengths alone, over which properties may change back and forth many times.
         floor: Lower bound ε of the eigenvalues of the scaled M⁻¹.
@@ -85,8 +86,8 @@ class ModelConfig:
     """
 
     kind: Kind = "dissipative"
-    inverse_mass: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(24, 24)))
-    potential: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(24, 24)))
+    inverse_mass: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(20, 20)))
+    potential: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(20, 20)))
     actuation: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(8,), constant=True))
     friction: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(8,), constant=True))
     energy: tuple[int, ...] = (32, 32)
@@ -229,7 +230,7 @@ class _Maker:
             return ViscousFriction(CholeskyBlock(function=viscous, scale=_known(unit)))
         return JointFriction(
             viscous=viscous,
-            coefficients=jnp.zeros((n, JointFriction.laws(self.config.knees)), float),
+            laws=Correction(Constant(jnp.zeros(n * JointFriction.shapes(self.config.knees), float))),
             scale=_known(unit),
             speed=_known(s.velocity),
             knees=self.config.knees,

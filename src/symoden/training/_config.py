@@ -38,7 +38,7 @@ class TrainingConfig:
     substeps: int = 1
     unroll: bool = True
     restarts: int = 3
-    adam_steps: int = 1000
+    adam_steps: int = 600
     batch_size: int = 256
     shuffle: bool = True
     learning_rate: float = 1e-2
@@ -47,13 +47,13 @@ class TrainingConfig:
     weight_decay: float = 0.0
     keep_best: bool = True
     scaled_loss: bool = True
-    lm_steps: int = 30
+    lm_steps: int = 20
     lm_horizon: int | None = None
     lm_substeps: int | None = None
     damping: float = 1e-4
     prior: float = 1.0
     patience: int = 4
-    growth_steps: int = 6
+    growth_steps: int = 20
 
     def __post_init__(self) -> None:
         """Refuse settings that cannot train.

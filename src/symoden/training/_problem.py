@@ -1,5 +1,6 @@
 """What training minimises: the squared error of short rollouts from measured states."""
 
+from collections.abc import Callable
 from typing import NamedTuple, final
 
 import equinox as eqx
@@ -7,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int, PyTree
 
 from symoden.data import Windows
 from symoden.integrate import AbstractSolver, Hold, rollout
@@ -76,8 +77,55 @@ class Objective(eqx.Module):
         return jnp.mean(jax.vmap(lambda window: self.residuals(dynamics, window))(batch) ** 2)
 
 
+def chunks(total: int, size: int) -> Int[Array, "k c"]:
+    """Indices of windows in chunks of one size, so that one compiled body serves all.
+
+    Args:
+        total: Number of windows.
+        size: Largest number in a chunk.
+
+    Returns:
+        The indices; after the last window it is repeated to fill the last chunk.
+    """
+    size = min(size, total)
+    return jnp.minimum(jnp.arange(-(-total // size) * size), total - 1).reshape(-1, size)
+
+
+def map_windows(function: Callable[[Batch], PyTree], batch: Batch, *, chunk: int) -> PyTree:
+    """Apply a function of one window to any number of them, some at a time.
+
+    Args:
+        function: What to apply.
+        batch: Windows.
+        chunk: Number of windows at once.
+
+    Returns:
+        The results, stacked.
+    """
+    total = batch.ts.shape[0]
+    results = jax.lax.map(lambda some: jax.vmap(function)(batch.take(some)), chunks(total, chunk))
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:total], results)
+
+
 @eqx.filter_jit
-def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512) -> Scalar:
+def evaluate_residuals(
+    dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512
+) -> Float[Array, "B h o"]:
+    """Residuals of any number of windows in bounded memory.
+
+    Args:
+        dynamics: Model.
+        objective: How rollouts are compared with windows.
+        batch: Windows.
+        chunk: Number of windows rolled out at once.
+
+    Returns:
+        The residuals of every window.
+    """
+    return map_windows(lambda window: objective.residuals(dynamics, window), batch, chunk=chunk)
+
+
+def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512) -> float:
     """Loss over any number of windows in bounded memory; the chunk's size changes it by rounding alone.
 
     Args:
@@ -87,17 +135,14 @@ def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch
         chunk: Number of windows rolled out at once.
 
     Returns:
-        Mean of the squared residuals.
+        Mean of the squared residuals; not finite where a rollout diverges.
     """
-
-    def squared(window: Batch) -> Scalar:
-        return jnp.mean(objective.residuals(dynamics, window) ** 2)
-
-    return jnp.mean(jax.lax.map(squared, batch, batch_size=min(chunk, batch.ts.shape[0])))
+    residuals = np.asarray(evaluate_residuals(dynamics, objective, batch, chunk=chunk), float)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.mean(residuals**2))
 
 
-@eqx.filter_jit
-def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objective, batch: Batch) -> Scalar:
+def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objective, batch: Batch) -> float:
     """Mean squared difference of the residuals under two solvers: what the coarse one adds to the loss.
 
     Args:
@@ -109,11 +154,9 @@ def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objec
     Returns:
         Mean of the squared differences.
     """
-
-    def squared(window: Batch) -> Scalar:
-        return jnp.mean((coarse.residuals(dynamics, window) - fine.residuals(dynamics, window)) ** 2)
-
-    return jnp.mean(jax.vmap(squared)(batch))
+    one, other = (np.asarray(evaluate_residuals(dynamics, each, batch), float) for each in (coarse, fine))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.mean((one - other) ** 2))
 
 
 def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:

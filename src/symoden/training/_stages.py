@@ -23,9 +23,10 @@ from ._problem import Batch, Objective, evaluate_loss, integration_error
 
 DIVERGED = "diverged; the best model before was kept"
 
-_CHUNK = 250
+_CHUNK = 200
 _MOST_SUBSTEPS = 16
-_EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which nothing is left to explain.
+_EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
+_EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
 _STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
 
 
@@ -86,7 +87,7 @@ class Data(NamedTuple):
 
     def validation_loss(self, model: AbstractDynamics, objective: Objective) -> float | None:
         """Loss on the validation windows, if there are any."""
-        return None if self.validation is None else float(evaluate_loss(model, objective, self.validation))
+        return None if self.validation is None else evaluate_loss(model, objective, self.validation)
 
 
 class AbstractStage(abc.ABC):
@@ -205,14 +206,14 @@ class LevenbergStage(AbstractStage):
         """Begin from the best model so far, in double precision."""
         best = cast(state.best, self.data.train.q.dtype)
         judged = self.data.train if self.data.validation is None else self.data.validation
-        loss = float(evaluate_loss(best, self._objective(state.substeps), judged))
+        loss = evaluate_loss(best, self._objective(state.substeps), judged)
         return state._replace(
             step=0, model=best, best=best, best_loss=loss, optimizer=None, damping=self.config.damping, stale=0
         )
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
-        if self.corrections and state.best_loss < _EXPLAINED:
+        if self.corrections and self._is_below(_EXPLAINED, state):
             return state, Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
         substeps = self._refined(state)
         objective = self._objective(substeps)
@@ -222,6 +223,7 @@ class LevenbergStage(AbstractStage):
             restore,
             objective,
             self.data.train,
+            reversible=self._objective(substeps, reversible=True),
             prior=self.config.prior,
         )
         model = restore(after.theta)
@@ -238,13 +240,25 @@ class LevenbergStage(AbstractStage):
             best_loss=judged if better else state.best_loss,
             stale=0 if better and falling else state.stale + 1,
         )
-        stopped = state.stale >= self.config.patience
-        finished = stopped or state.step >= self.steps
-        outcome = "converged" if stopped else "all steps taken" if finished else ""
-        return state, Report(step.after, validation, finished, outcome)
+        return state, Report(step.after, validation, *self._ended(state))
 
-    def _objective(self, substeps: int) -> Objective:
-        return Objective(self.data.objective.weights, RK4(jnp.asarray(substeps)), self.data.objective.hold)
+    def _ended(self, state: TrainingState) -> tuple[bool, str]:
+        """Whether the stage is over, and why."""
+        if self._is_below(_EXACT, state):
+            return True, "nothing left to explain"
+        if state.stale >= self.config.patience:
+            return True, "converged"
+        finished = state.step >= self.steps
+        return finished, "all steps taken" if finished else ""
+
+    def _is_below(self, bound: float, state: TrainingState) -> bool:
+        """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
+        return self.config.scaled_loss and state.best_loss < bound
+
+    def _objective(self, substeps: int, *, reversible: bool = False) -> Objective:
+        # A number of substeps that is an array needs no new compilation when it changes, but stops reverse mode.
+        solver = RK4(substeps if reversible else jnp.asarray(substeps))
+        return Objective(self.data.objective.weights, solver, self.data.objective.hold)
 
     def _refined(self, state: TrainingState) -> int:
         """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""
@@ -254,5 +268,5 @@ class LevenbergStage(AbstractStage):
         sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
         error = integration_error(state.model, coarse, self._objective(2 * state.substeps), sample)
         loss = evaluate_loss(state.model, coarse, sample)
-        finer = float(error) > 0.01 * float(loss) and state.substeps < _MOST_SUBSTEPS
+        finer = error > 0.01 * loss and state.substeps < _MOST_SUBSTEPS
         return 2 * state.substeps if finer else state.substeps

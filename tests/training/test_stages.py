@@ -1,0 +1,65 @@
+"""When Levenberg-Marquardt ends, and when growth is left out."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.models import build
+from symoden.spaces import Space
+from symoden.training import _fit, _levenberg_marquardt as _levenberg
+from symoden.training._stages import LevenbergStage, TrainingState
+
+
+@pytest.fixture
+def stage(pendulum, small, quick):
+    dataset = pendulum()
+    model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
+    data = _fit._levenberg_data(dataset, model, quick)
+    state = TrainingState(
+        stage=0, step=1, model=model, optimizer=None, damping=1e-4, substeps=1, best=model, best_loss=1.0, stale=0
+    )
+    return LevenbergStage(data, quick), state
+
+
+def test_it_ends_when_nothing_is_left_to_explain_or_nothing_is_gained_or_steps_run_out(stage, quick):
+    stage, state = stage
+    assert stage._ended(state) == (False, "")
+    assert stage._ended(state._replace(best_loss=9e-12)) == (True, "nothing left to explain")
+    assert stage._ended(state._replace(best_loss=2e-11)) == (False, "")
+    assert stage._ended(state._replace(stale=quick.patience)) == (True, "converged")
+    assert stage._ended(state._replace(step=quick.lm_steps)) == (True, "all steps taken")
+
+
+def test_a_loss_in_the_units_of_the_data_has_no_such_bound(stage):
+    stage, state = stage
+    raw = dataclasses.replace(stage, config=dataclasses.replace(stage.config, scaled_loss=False))
+    assert raw._ended(state._replace(best_loss=1e-30)) == (False, "")
+
+
+def test_no_block_grows_where_the_rest_explains_the_motion(stage):
+    stage, state = stage
+    growth = dataclasses.replace(stage, corrections=True)
+    after, report = growth.advance(state._replace(best_loss=9e-7))
+    assert (after.step, report.finished, report.outcome) == (1, True, "nothing left to explain")
+    after, _ = growth.advance(state._replace(best_loss=2e-6))
+    assert after.step == 2
+
+
+def test_sensitivities_that_overflow_in_single_precision_are_computed_in_double(stage, monkeypatch):
+    stage, state = stage
+    plain, precisions = _levenberg.normal_equations, []
+
+    def overflowing(*arguments, precision=jnp.float32):
+        equations = plain(*arguments, precision=precision)
+        precisions.append(jnp.dtype(precision))
+        return (
+            equations if precision == jnp.float64 else equations._replace(matrix=np.full_like(equations.matrix, np.inf))
+        )
+
+    monkeypatch.setattr(_levenberg, "normal_equations", overflowing)
+    _, report = stage.advance(state)
+    assert precisions == [jnp.float32, jnp.float64]
+    assert report.loss < stage.start(state).best_loss
