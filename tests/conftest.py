@@ -1,5 +1,8 @@
 """What tests of several folders need: models whose every weight is random."""
 
+import dataclasses
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,6 +10,12 @@ import numpy as np
 import pytest
 
 from symoden.blocks import trainable
+from symoden.experiments import PAPER_ORDER, Contest, Source, Trained, simulate, task
+from symoden.integrate import RK4
+from symoden.mechanics import AbstractDynamics
+from symoden.models import BlockConfig, ModelConfig, build
+from symoden.spaces import Space
+from symoden.training import TrainingConfig
 
 
 @pytest.fixture(scope="session")
@@ -20,3 +29,51 @@ def scrambled():
         return eqx.combine(noise, fixed)
 
     return scramble
+
+
+@pytest.fixture(scope="session")
+def contest():
+    """Untrained small models of a task with few trajectories; instead of the dissipative one, the true system."""
+
+    @functools.cache
+    def make(name, space=None, kinds=PAPER_ORDER):
+        chosen, data = task(name), simulate(task(name), train_initials=3, test_initials=1)
+        told = Space.parse(space or chosen.space)
+        dataset = dataclasses.replace(data.dataset, space=str(told))
+        small = BlockConfig(hidden=(3,))
+        models: dict[str, AbstractDynamics] = {"dissipative": chosen.system}
+        for k, kind in enumerate(PAPER_ORDER[:-1]):
+            if kind in kinds and not (kind == "geometric" and dataset.momenta):
+                config = ModelConfig(
+                    kind=kind, flow=(3,), energy=(3,), inverse_mass=small, potential=small, actuation=small
+                )
+                models[kind] = build(config, told, dataset.inputs, momenta=dataset.momenta, key=jax.random.key(k))
+        return Contest(
+            task=chosen,
+            source=Source(name=name, dataset=dataset, task=chosen, prediction=data.prediction),
+            space=space,
+            preset="default",
+            trained={kind: Trained(models[kind], RK4(8)) for kind in kinds if kind in models},
+        )
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def tiny():
+    """A preset that trains in a moment."""
+
+    def preset(name, *, task, kind):
+        del name, task
+        plain = BlockConfig(constant=True)
+        model = ModelConfig(
+            kind=kind,
+            inverse_mass=plain,
+            potential=BlockConfig(hidden=(4,)),
+            actuation=plain,
+            friction=plain,
+            flow=(4,),
+        )
+        return model, TrainingConfig(adam_steps=5, lm_steps=0, restarts=1, batch_size=16, validation=0.0)
+
+    return preset

@@ -12,7 +12,7 @@ from symoden.models import KINDS
 from symoden.storage import StorageError
 from symoden.training import TrainingError
 
-COMMANDS = ["simulate", "train", "evaluate", "predict", "inspect"]
+COMMANDS = ["simulate", "train", "evaluate", "predict", "inspect", "reproduce"]
 HEAVY = ["jax", "jaxlib", "numpy", "scipy", "polars", "equinox", "diffrax", "optax", "rich"]
 PROBE = """
 import sys
@@ -65,6 +65,7 @@ def test_help_names_every_command_task_and_kind(capsys):
         (["train", "pendulum", "--out", "run", "--seed", "x"], "--seed"),
         (["evaluate"], "RUN"),
         (["predict", "run", "pendulum"], "--out FILE.npz"),
+        (["reproduce"], "--out DIR"),
     ],
     ids=str,
 )

@@ -80,6 +80,10 @@ def test_wrong_options(described, tmp_path, capsys):
     assert "-1" in refused(capsys, "train", described, *run, "--seed", "-1")
     assert "--max-minutes" in refused(capsys, "train", described, *run, "--max-minutes", "0")
     assert "must be a task (pendulum-canonical" in refused(capsys, "train", "pendulm", *run)
+    for option, word in (("--trajectories", "4"), ("--noise", "0.1")):
+        assert "for tasks only" in refused(capsys, "train", described, *run, option, word)
+    assert "at least 1; got 0" in refused(capsys, "train", "pendulum", *run, "--trajectories", "0")
+    assert "at least 0 and finite; got -0.1" in refused(capsys, "train", "pendulum", *run, "--noise", "-0.1")
     assert "must be one of pendulum-canonical" in refused(capsys, "simulate", "pendulm", "--out", tmp_path / "a.npz")
     assert not (tmp_path / "run").exists()
 
@@ -98,6 +102,8 @@ def test_other_settings_than_those_of_the_run_to_continue(arm, arm_run, describe
         ((arm, "--preset", "paper"), "--preset"),
         ((arm, "--space", "R1"), "--space"),
         ((arm, "--seed", "3"), "--seed"),
+        ((arm, "--trajectories", "3"), "--trajectories"),
+        ((arm, "--noise", "0.1"), "--noise"),
     ):
         assert f"`{option}` must be that of the run" in refused(capsys, "train", *words, "--out", arm_run, "--resume")
 

@@ -101,6 +101,17 @@ def test_train_gives_one_object_with_the_scores(tmp_path, capsys):
     assert scores == {key: answer[key] for key in scores}
 
 
+def test_fewer_and_noisy_trajectories_stay_with_the_run(tmp_path, capsys):
+    words = ["train", "pendulum", "--out", str(tmp_path / "run"), "--trajectories", "7", "--noise", "0.1"]
+    assert main([*words, "--model", "symoden"]) == 0
+    assert "7 recordings" in capsys.readouterr().err
+    config = read_run(tmp_path / "run")
+    assert (config.trajectories, config.noise) == (7, 0.1)
+    assert main([*words, "--resume", "--max-minutes", "1e-9"]) == 0
+    assert main([*words[:-1], "0.2", "--resume"]) == 2
+    assert "`--noise` must be that of the run" in capsys.readouterr().err
+
+
 def test_a_resumed_run_ends_as_one_that_was_never_stopped(trained, arm, tmp_path, capsys):
     words = ["train", str(arm), "--out", str(tmp_path / "run")]
     assert main([*words, "--max-minutes", "1e-9"]) == 0

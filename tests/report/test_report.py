@@ -112,6 +112,12 @@ def test_the_page_holds_every_panel_and_says_what_fixes_the_scale(name):
 
 
 def test_without_matplotlib_the_extra_is_named():
-    program = "import importlib.util as i; i.find_spec = lambda name: None; import symoden.report"
-    answer = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, text=True)
-    assert answer.stderr.splitlines()[-1] == 'ModuleNotFoundError: Pictures need matplotlib. Install "symoden[plot]".'
+    program = "import importlib.util as i; i.find_spec = lambda name: None; from symoden.report import {}"
+
+    def answer(name):
+        words = [sys.executable, "-c", program.format(name)]
+        return subprocess.run(words, capture_output=True, check=False, text=True).stderr.splitlines()[-1:]
+
+    assert answer("table_markdown") == []
+    assert answer("plot_block") == ['ModuleNotFoundError: Pictures need matplotlib. Install "symoden[plot]".']
+    assert "cannot import name 'plot_blocks'" in answer("plot_blocks")[0]

@@ -58,6 +58,8 @@ class Train:
         preset: Settings: default (Adam, then Levenberg-Marquardt) or paper (its sizes and Adam).
         space: Configuration space instead of the source's own, such as "T1" for an angle that it calls a number.
         seed: Seed of a task's initial conditions, of the initial weights and of the batches.
+        trajectories: Number of a task's training trajectories, chosen at random; more are simulated where needed.
+        noise: Standard deviation of Gaussian noise on every coordinate and rate of a task's training trajectories.
         resume: Continue the run in the folder, with its settings.
         max_minutes: Stop after this time with the best model so far.
         general: How to report.
@@ -69,6 +71,8 @@ class Train:
     preset: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: default)")] = None
     space: Annotated[str | None, arg(metavar="S", help_behavior_hint="(default: the source's)")] = None
     seed: Annotated[int | None, arg(metavar="INT", help_behavior_hint="(default: 0)")] = None
+    trajectories: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: the task's)")] = None
+    noise: Annotated[float | None, arg(metavar="S", help_behavior_hint="(default: 0)")] = None
     resume: bool = False
     max_minutes: Annotated[float | None, arg(metavar="M", help_behavior_hint="(default: no limit)")] = None
     general: General = field(default_factory=General)
@@ -127,7 +131,61 @@ class Inspect:
     general: General = field(default_factory=General)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Reproduce:
+    """Train and score the paper's models on its tasks, and make its table and figures.
+
+    Each finished cell (a task, a model, a preset, a seed) is kept: the same command goes on where it was interrupted,
+    and another one extends it. The folder holds table.json, table.csv, table.md, table.tex, figures/ and cells/, each
+    cell being a run that the other commands read.
+
+    Attributes:
+        out: Folder of the results.
+        tasks: Tasks, each TASK or TASK:SPACE for another space than the task's own.
+        models: Kinds of model; geometric is left out where a task observes momenta.
+        preset: Settings: default, paper.
+        seeds: Number of seeds: 0, 1, and so on.
+        trajectories: Numbers of training trajectories to compare.
+        noise: Standard deviations of the noise on training trajectories to compare.
+        jobs: Number of cells to run at once.
+        figures: Leave out the figures, which need matplotlib.
+        page: Markdown page to write, with the table and the figures.
+        general: How to report.
+    """
+
+    out: Annotated[Path, arg(metavar="DIR")]
+    tasks: Annotated[tuple[str, ...], arg(metavar="TASK...")] = (
+        "pendulum-canonical",
+        "pendulum-canonical:T1",
+        "pendulum",
+        "cartpole",
+        "acrobot",
+    )
+    models: Annotated[tuple[str, ...], arg(metavar="KIND...")] = (
+        "dissipative",
+        "symoden",
+        "unstructured",
+        "geometric",
+        "naive",
+    )
+    preset: Annotated[tuple[str, ...], arg(metavar="NAME...")] = ("default",)
+    seeds: Annotated[int, arg(metavar="N")] = 1
+    trajectories: Annotated[tuple[int, ...], arg(metavar="N...", help_behavior_hint="(default: the task's)")] = ()
+    noise: Annotated[tuple[float, ...], arg(metavar="S...", help_behavior_hint="(default: 0)")] = ()
+    jobs: Annotated[int, arg(metavar="N")] = 1
+    figures: Annotated[bool, arg(help_behavior_hint="(default: draw them)")] = True
+    page: Annotated[Path | None, arg(metavar="FILE.md", help_behavior_hint="(default: none)")] = None
+    general: General = field(default_factory=General)
+
+
 COMMANDS: Final[Mapping[str, type]] = MappingProxyType(
-    {"simulate": Simulate, "train": Train, "evaluate": Evaluate, "predict": Predict, "inspect": Inspect}
+    {
+        "simulate": Simulate,
+        "train": Train,
+        "evaluate": Evaluate,
+        "predict": Predict,
+        "inspect": Inspect,
+        "reproduce": Reproduce,
+    }
 )
-Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect
+Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect | Reproduce

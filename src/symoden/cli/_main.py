@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Union
 
 import tyro
 
-from ._arguments import COMMANDS, Command, Train
+from ._arguments import COMMANDS, Command, Reproduce, Train
 
 FAILURE: Final = 1
 WRONG_INPUT: Final = 2
@@ -77,6 +77,8 @@ def _carry_out(command: Command) -> None:
 
 def _way_on(command: Command) -> str:
     """How to continue what was interrupted."""
+    if isinstance(command, Reproduce):
+        return "; finished cells are kept: give the same command to continue"
     if not isinstance(command, Train):
         return ""
     return f"; continue with: symoden train {command.source} --out {command.out} --resume"

@@ -73,7 +73,8 @@ def _new(command: Train) -> tuple[RunConfig, Source]:
     source_name = absolute_name(command.source)
     task = source_name if source_name == command.source else None
     model, training = preset(name, task=task, kind=kind)
-    source = read_source(command.source, seed=seed, space=command.space)
+    noise = command.noise or 0.0
+    source = read_source(command.source, seed=seed, space=command.space, trajectories=command.trajectories, noise=noise)
     if not source.dataset.train:
         raise ValueError(f"`{source.name}` must have recordings to train on; it has none. Give [train] files.")
     config = RunConfig(
@@ -81,6 +82,8 @@ def _new(command: Train) -> tuple[RunConfig, Source]:
         seed=seed,
         space=command.space,
         preset=name,
+        trajectories=command.trajectories,
+        noise=noise,
         model=model,
         training=dataclasses.replace(training, seed=seed),
         data=summarize(source.dataset),
@@ -97,6 +100,8 @@ def _continued(command: Train) -> tuple[RunConfig, Source]:
         "--preset": (command.preset, config.preset),
         "--space": (command.space, config.space),
         "--seed": (command.seed, config.seed),
+        "--trajectories": (command.trajectories, config.trajectories),
+        "--noise": (command.noise, config.noise),
     }
     for option, (given, saved) in asked.items():
         if given is not None and given != saved:

@@ -1,6 +1,8 @@
 """The paper's experiments: tasks, their data, and the errors it reports; runs, and what can be asked of them."""
 
 from ._audit import Audit as Audit, audit as audit
+from ._block_errors import BlockErrors as BlockErrors, block_errors as block_errors
+from ._cells import Cell as Cell, CellResult as CellResult, cells as cells
 from ._evaluate import (
     Prediction as Prediction,
     RecordingScore as RecordingScore,
@@ -10,6 +12,15 @@ from ._evaluate import (
     score_recordings as score_recordings,
     score_task as score_task,
 )
+from ._extrapolation import Extrapolation as Extrapolation, extrapolation as extrapolation
+from ._facts import machine_facts as machine_facts
+from ._free import (
+    CircleDrift as CircleDrift,
+    EnergyCurves as EnergyCurves,
+    circle_drift as circle_drift,
+    energy_curves as energy_curves,
+    free_rollouts as free_rollouts,
+)
 from ._inspect import (
     FrictionProfile as FrictionProfile,
     Inspection as Inspection,
@@ -18,6 +29,7 @@ from ._inspect import (
     inspect_model as inspect_model,
 )
 from ._paper import PAPER as PAPER, MeanStd as MeanStd, PaperErrors as PaperErrors
+from ._phase import Field as Field, PhasePlane as PhasePlane, phase_plane as phase_plane
 from ._portrait import (
     BlockCurves as BlockCurves,
     ErrorComparison as ErrorComparison,
@@ -29,6 +41,14 @@ from ._portrait import (
 )
 from ._presets import PRESETS as PRESETS, preset as preset
 from ._ranges import Ranges as Ranges
+from ._results import (
+    cell_folder as cell_folder,
+    read_result as read_result,
+    read_results as read_results,
+    result_as_json as result_as_json,
+    write_result as write_result,
+)
+from ._run_cell import check_cell as check_cell, run_cell as run_cell
 from ._runs import (
     DataSummary as DataSummary,
     RunConfig as RunConfig,
@@ -44,53 +64,104 @@ from ._runs import (
 )
 from ._simulate import TaskData as TaskData, simulate as simulate
 from ._sources import Source as Source, absolute_name as absolute_name, read_source as read_source
-from ._tasks import TASKS as TASKS, Task as Task, task as task
+from ._sweeps import (
+    Sweep as Sweep,
+    SweepCurve as SweepCurve,
+    is_own as is_own,
+    row_name as row_name,
+    sweeps as sweeps,
+)
+from ._table import PAPER_ORDER as PAPER_ORDER, Row as Row, SeedErrors as SeedErrors, table_rows as table_rows
+from ._tasks import TASKS as TASKS, Task as Task, own_trajectories as own_trajectories, task as task
+from ._trained import (
+    Contest as Contest,
+    Trained as Trained,
+    read_contests as read_contests,
+)
+from ._variants import simulate_variant as simulate_variant
 
 __all__ = [
     "PAPER",
+    "PAPER_ORDER",
     "PRESETS",
     "TASKS",
     "Audit",
     "BlockCurves",
+    "BlockErrors",
+    "Cell",
+    "CellResult",
+    "CircleDrift",
+    "Contest",
     "DataSummary",
+    "EnergyCurves",
     "ErrorComparison",
+    "Extrapolation",
+    "Field",
     "FrictionProfile",
     "Inspection",
     "MeanStd",
     "PaperErrors",
+    "PhasePlane",
     "Portrait",
     "Prediction",
     "Profile",
     "Ranges",
     "RecordingScore",
     "RolloutComparison",
+    "Row",
     "RunConfig",
+    "SeedErrors",
     "Source",
+    "Sweep",
+    "SweepCurve",
     "Task",
     "TaskData",
     "TaskScore",
+    "Trained",
     "WindowScore",
     "absolute_name",
     "anchor",
     "audit",
+    "block_errors",
+    "cell_folder",
+    "cells",
+    "check_cell",
+    "circle_drift",
+    "energy_curves",
     "evaluation_solver",
+    "extrapolation",
     "fit_gauge",
+    "free_rollouts",
     "holds_run",
     "inspect_model",
+    "is_own",
+    "machine_facts",
+    "own_trajectories",
+    "phase_plane",
     "portrait",
     "predict",
     "preset",
+    "read_contests",
     "read_model",
+    "read_result",
+    "read_results",
     "read_run",
     "read_run_source",
     "read_source",
     "refuse_occupied",
+    "result_as_json",
+    "row_name",
+    "run_cell",
     "score_recordings",
     "score_task",
     "simulate",
+    "simulate_variant",
     "summarize",
+    "sweeps",
+    "table_rows",
     "task",
     "train_run",
     "unseen_rollouts",
+    "write_result",
     "write_run",
 ]

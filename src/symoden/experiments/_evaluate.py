@@ -109,7 +109,7 @@ def score_task(model: AbstractDynamics, source: Source, *, solver: AbstractSolve
     every = [recording for part in parts for recording in part]
     predictions = predict(model, every, hold=source.dataset.hold, solver=solver)
     with np.errstate(over="ignore", invalid="ignore"):
-        errors = np.array([_squared_error(model, space, *pair) for pair in zip(every, predictions, strict=True)])
+        errors = np.array([squared_error(model, space, *pair) for pair in zip(every, predictions, strict=True)])
         edges = np.cumsum([len(part) for part in parts])
         train, test, prediction = (
             MeanStd(float(part.mean()), float(part.std())) for part in np.split(errors, edges[:-1])
@@ -211,8 +211,18 @@ def _continued(q: Float[np.ndarray, "T n"], q0: Float[np.ndarray, " n"], space: 
     return q
 
 
-def _squared_error(model: AbstractDynamics, space: Space, measured: Trajectory, predicted: Prediction) -> float:
-    """Sum of squared errors over samples and the observation channels of a space."""
+def squared_error(model: AbstractDynamics, space: Space, measured: Trajectory, predicted: Prediction) -> float:
+    """Sum of squared errors over samples and the observation channels of a space.
+
+    Args:
+        model: What predicted.
+        space: Space of the channels.
+        measured: The truth.
+        predicted: The rollout.
+
+    Returns:
+        The sum; not finite if the rollout diverged.
+    """
     seen = (
         predicted.observations
         if model.space.is_angle == space.is_angle

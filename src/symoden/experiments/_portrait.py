@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from numpy.typing import ArrayLike
 
 from symoden.blocks import KnownValue
@@ -22,6 +22,7 @@ from symoden.spaces import Space
 
 from ._evaluate import Prediction, TaskScore, predict
 from ._paper import PaperErrors
+from ._ranges import Ranges
 from ._simulate import simulate
 from ._sources import Source
 from ._tasks import Task
@@ -41,8 +42,9 @@ class BlockCurves:
         values: Its values.
         truth: True entries.
         learned: Learned entries, in the truth's gauge.
-        error: Largest deviation, relative to the largest true entry; infinite where the truth is zero and the learned
-            block is not.
+        visited: Least and largest of the values that the training data visited.
+        error: Largest deviation over the visited values, relative to the largest true entry; infinite where the truth
+            is zero and the learned block is not.
     """
 
     symbol: str
@@ -52,6 +54,7 @@ class BlockCurves:
     values: Float[np.ndarray, " K"]
     truth: Float[np.ndarray, "K k"]
     learned: Float[np.ndarray, "K k"]
+    visited: tuple[float, float]
     error: float
 
 
@@ -115,14 +118,27 @@ class _Blocks(NamedTuple):
     dissipation: Float[Array, "*K n n"]
 
 
-def portrait(model: AbstractDynamics, source: Source, *, coordinate: int = 0, points: int = 129) -> Portrait:
+class _Axis(NamedTuple):
+    """The coordinate along which blocks are compared."""
+
+    name: str
+    values: Float[np.ndarray, " K"]
+    visited: tuple[float, float]
+    inside: Bool[np.ndarray, " K"]
+
+
+def portrait(
+    model: AbstractDynamics, source: Source, *, coordinate: int = 0, points: int = 129, beyond: float = 0.0
+) -> Portrait:
     """Compare a model's blocks with those of the system that made its data.
 
     Args:
         model: Learned port-Hamiltonian model.
         source: The task that it learned.
-        coordinate: Index of the coordinate along which to compare.
+        coordinate: Index of the coordinate along which to compare, over the range that the training data visited; of
+            an angle that they turned round, one turn.
         points: Number of values along it.
+        beyond: How much farther to look on both sides, as a share of the visited range; nothing is beyond one turn.
 
     Returns:
         Learned and true blocks in the truth's gauge.
@@ -139,18 +155,20 @@ def portrait(model: AbstractDynamics, source: Source, *, coordinate: int = 0, po
     q, v = _states(truth, train)
     anchored = model.momenta or _knows_inputs(model)
     gauge = 1.0 if anchored else fit_gauge(model, truth, q, v)
-    low, high = _shown(truth.space, q)
+    (low, high), around = _visited(model.space, train)
     along = np.tile((low + high) / 2, (points, 1))
-    along[:, coordinate] = np.linspace(low[coordinate], high[coordinate], points)
+    visited = (float(low[coordinate]), float(high[coordinate]))
+    farther = 0.0 if around[coordinate] else beyond * (visited[1] - visited[0])
+    along[:, coordinate] = np.linspace(visited[0] - farther, visited[1] + farther, points)
     speeds = np.tile(np.sqrt(np.mean(v**2, axis=0)), (points, 1))
     true, learned = _evaluate(truth, along, speeds), _regauged(_evaluate(model, along, speeds), gauge)
-    shift = np.min(true.potential)
-    true = true._replace(potential=true.potential - shift)
-    learned = learned._replace(potential=learned.potential - np.mean(learned.potential) + np.mean(true.potential))
-    name = _titled(task, coordinate)
-    units = _units(truth.space)
-    pairs = zip(("M⁻¹", "V", "g", "D"), units, true, learned, strict=True)
-    blocks = tuple(_curves(symbol, unit, name, along[:, coordinate], pair) for symbol, unit, *pair in pairs)
+    inside = (along[:, coordinate] >= visited[0]) & (along[:, coordinate] <= visited[1])
+    true = true._replace(potential=true.potential - np.min(true.potential))
+    offset = np.mean(true.potential[inside]) - np.mean(learned.potential[inside])
+    learned = learned._replace(potential=learned.potential + offset)
+    axis = _Axis(name=coordinate_title(task, coordinate), values=along[:, coordinate], visited=visited, inside=inside)
+    pairs = zip(("M⁻¹", "V", "g", "D"), _units(truth.space), true, learned, strict=True)
+    blocks = tuple(_curves(symbol, unit, axis, pair) for symbol, unit, *pair in pairs)
     return Portrait(blocks=blocks, gauge=gauge, anchored=anchored)
 
 
@@ -206,7 +224,7 @@ def unseen_rollouts(
     inputs = len(task.input_values)
     chosen = tuple(tests[(i % inputs) * count + i] for i in range(count))
     return RolloutComparison(
-        coordinate=_titled(task, coordinate),
+        coordinate=coordinate_title(task, coordinate),
         index=coordinate,
         labels=tuple(_driven(task, trajectory) for trajectory in chosen),
         truth=chosen,
@@ -236,11 +254,11 @@ def _states(truth: AbstractPortHamiltonian, trajectories: Sequence[Trajectory]) 
     return q, np.asarray(_velocities(truth, jnp.asarray(q), jnp.asarray(rates))) if truth.momenta else rates
 
 
-def _shown(space: Space, q: Float[np.ndarray, "K n"]) -> tuple[np.ndarray, np.ndarray]:
-    """Range of the coordinates; of an angle that went all the way round, one turn."""
-    low, high = q.min(axis=0), q.max(axis=0)
+def _visited(space: Space, trajectories: Sequence[Trajectory]) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
+    """Range of the coordinates, of an angle that went all the way round one turn; which those are."""
+    low, high = np.asarray(Ranges.of(trajectories).positions).T
     around = np.asarray(space.is_angle) & (high - low > 2 * np.pi)
-    return np.where(around, -np.pi, low), np.where(around, np.pi, high)
+    return (np.where(around, -np.pi, low), np.where(around, np.pi, high)), around
 
 
 @eqx.filter_jit
@@ -278,28 +296,37 @@ def _regauged(blocks: _Blocks, gauge: float) -> _Blocks:
     )
 
 
-def _curves(symbol: str, unit: str, coordinate: str, values: np.ndarray, pair: Sequence[ArrayLike]) -> BlockCurves:
+def _curves(symbol: str, unit: str, axis: _Axis, pair: Sequence[ArrayLike]) -> BlockCurves:
     """Flatten the entries of a block; of a symmetric one, the lower triangle."""
     true, found = (np.asarray(block) for block in pair)
     shape = true.shape[1:]
     where = [index for index in np.ndindex(*shape) if symbol == "g" or len(index) < 2 or index[0] >= index[1]]
     truth, learned = (np.stack([block[:, *index] for index in where], axis=1) for block in (true, found))
     names = tuple("".join(str(i + 1) for i in index) for index in where) if len(where) > 1 else (symbol,)
-    worst, size = (float(np.max(np.abs(x))) for x in (learned - truth, truth))
+    worst, size = (float(np.max(np.abs(x[axis.inside]))) for x in (learned - truth, truth))
     return BlockCurves(
         symbol=symbol,
         unit=unit,
         entries=names,
-        coordinate=coordinate,
-        values=values,
+        coordinate=axis.name,
+        values=axis.values,
         truth=truth,
         learned=learned,
+        visited=axis.visited,
         error=worst / size if size else (np.inf if worst else 0.0),
     )
 
 
-def _titled(task: Task, coordinate: int) -> str:
-    """Name of a coordinate, with its unit."""
+def coordinate_title(task: Task, coordinate: int) -> str:
+    """Name of a coordinate, with its unit.
+
+    Args:
+        task: The task.
+        coordinate: Index of the coordinate.
+
+    Returns:
+        Title of an axis.
+    """
     return f"{task.position_names[coordinate]} [{'rad' if task.system.space.is_angle[coordinate] else 'm'}]"
 
 

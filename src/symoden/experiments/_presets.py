@@ -68,6 +68,7 @@ def preset(name: str, *, task: str | None, kind: Kind) -> tuple[ModelConfig, Tra
         full_friction=True,
         knees=(),
         activation="tanh",
+        floor=0.1,
         scaled=False,
     )
     training = TrainingConfig(

@@ -17,7 +17,7 @@ from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, load, save
 from symoden.storage import StorageError, write_atomically
-from symoden.training import FitResult, Progress, TrainingConfig, fit
+from symoden.training import FitResult, Progress, TrainingConfig, fit, ignore
 
 from ._ranges import Ranges
 from ._settings import decode
@@ -79,6 +79,8 @@ class RunConfig:
         seed: Seed of the task's initial conditions, the initial weights and the batches.
         space: Configuration space that replaces the source's own, if any.
         preset: Name of the settings that it started from.
+        trajectories: Number of training trajectories of a task; all of its own if None.
+        noise: Standard deviation of the noise on a task's training trajectories.
         model: Settings of the model.
         training: Settings of training.
         data: Summary of the data.
@@ -90,6 +92,8 @@ class RunConfig:
     seed: int = 0
     space: str | None = None
     preset: str = "default"
+    trajectories: int | None = None
+    noise: float = 0.0
     model: ModelConfig
     training: TrainingConfig
     data: DataSummary
@@ -208,7 +212,13 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
     """
     known = config.data
     if name is None or absolute_name(name) == config.source:
-        return read_source(config.source, seed=config.seed, space=config.space)
+        return read_source(
+            config.source,
+            seed=config.seed,
+            space=config.space,
+            trajectories=config.trajectories,
+            noise=config.noise,
+        )
     source = read_source(name, seed=config.seed)
     given = source.dataset
     if config.space is not None and given.space != known.space:
@@ -228,7 +238,7 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
 
 
 def evaluation_solver(config: RunConfig) -> RK4:
-    """Solver of a run's rollouts: as fine as in training, and fine enough for the equations rather than their solver.
+    """Solver of a run's rollouts: four RK4 steps in a sampling interval, or what was asked for in training if more.
 
     Args:
         config: Settings of the run.
@@ -237,11 +247,6 @@ def evaluation_solver(config: RunConfig) -> RK4:
         The solver.
     """
     return RK4(max(_LEAST_SUBSTEPS, config.training.substeps, config.training.lm_substeps or 1))
-
-
-def _ignore(progress: Progress) -> None:
-    """Report nothing."""
-    del progress
 
 
 def refuse_occupied(folder: Path) -> None:
@@ -267,7 +272,7 @@ def train_run(
     *,
     resume: bool = False,
     max_minutes: float | None = None,
-    progress: Callable[[Progress], None] = _ignore,
+    progress: Callable[[Progress], None] = ignore,
 ) -> FitResult:
     """Train, and keep everything in a folder.
 

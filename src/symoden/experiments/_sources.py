@@ -8,8 +8,8 @@ from types import MappingProxyType
 
 from symoden.data import Dataset, Trajectory, read_dataset
 
-from ._simulate import simulate
 from ._tasks import TASKS, Task
+from ._variants import simulate_variant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,20 +38,24 @@ class Source:
         return MappingProxyType({name: recordings for name, recordings in every.items() if recordings})
 
 
-def read_source(name: str, *, seed: int = 0, space: str | None = None) -> Source:
+def read_source(
+    name: str, *, seed: int = 0, space: str | None = None, trajectories: int | None = None, noise: float = 0.0
+) -> Source:
     """Simulate a task, or read the data set that a description gives.
 
     Args:
         name: One of `TASKS`, or the path of a description.
         seed: Seed of the initial conditions of a task.
         space: Configuration space to take instead of the source's own, for the same numbers.
+        trajectories: Number of a task's training trajectories, chosen at random; all of its own if None.
+        noise: Standard deviation of Gaussian noise on every coordinate and rate of a task's training trajectories.
 
     Returns:
         The source.
 
     Raises:
-        ValueError: If there is neither such a task nor such a file; a `DataError` if the data are not what they must
-            be, or the space has another number of coordinates.
+        ValueError: If there is neither such a task nor such a file, or the last two are given for a file or out of
+            range; a `DataError` if the data are not what they must be, or the space has another number of coordinates.
 
     Example:
         >>> read_source("pendulum").dataset.space
@@ -59,8 +63,10 @@ def read_source(name: str, *, seed: int = 0, space: str | None = None) -> Source
     """
     name = absolute_name(name)
     if name not in TASKS:
+        if trajectories is not None or noise:
+            raise ValueError(f"A number of trajectories and noise are for tasks only; got the data set `{name}`.")
         return Source(name=name, dataset=read_dataset(Path(name), space=space), seed=seed)
-    data = simulate(TASKS[name], seed=seed)
+    data = simulate_variant(TASKS[name], seed=seed, trajectories=trajectories, noise=noise)
     dataset = data.dataset if space is None else dataclasses.replace(data.dataset, space=space)
     return Source(name=name, dataset=dataset, seed=seed, task=TASKS[name], prediction=data.prediction)
 

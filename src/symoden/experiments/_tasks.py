@@ -151,3 +151,16 @@ def task(name: str) -> Task:
     if name not in TASKS:
         raise ValueError(f"A task must be one of {', '.join(TASKS)}; got {name!r}.")
     return TASKS[name]
+
+
+def own_trajectories(name: str) -> int:
+    """Number of training trajectories of a task.
+
+    Args:
+        name: Name of the task.
+
+    Returns:
+        One for each initial condition and input.
+    """
+    chosen = task(name)
+    return chosen.n_train * len(chosen.input_values)

@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 
 from symoden.experiments import RolloutComparison
 
-from ._style import COLOURS, DASHES, INK, LABEL, SMALL, TRUTH, tidy
+from ._style import COLOURS, DASHES, EDGE, INK, LABEL, SMALL, TRUTH, tidy
 
 
 def plot_rollouts(result: RolloutComparison, *, ax: Axes) -> Axes:
@@ -23,7 +23,7 @@ def plot_rollouts(result: RolloutComparison, *, ax: Axes) -> Axes:
         ax.plot(truth.ts, truth.q[:, result.index], markeredgecolor=colour, **TRUTH)
         ax.plot(truth.ts, prediction.q[:, result.index], color=colour, linestyle=dashes, linewidth=1.4, label=label)
     ax.plot([], [], markeredgecolor=INK, label="truth", **TRUTH)
-    ax.axvline(result.trained, color=INK, linewidth=0.8, linestyle=":")
+    ax.axvline(result.trained, **EDGE)
     ax.annotate(
         "training data are\nthis long",
         (result.trained, 1.0),

@@ -13,6 +13,7 @@ INK: Final = "#222222"
 TRUTH: Final[Mapping[str, Any]] = MappingProxyType(
     {"linestyle": "none", "marker": "o", "markersize": 3.6, "markerfacecolor": "none", "markeredgewidth": 0.8}
 )
+EDGE: Final[Mapping[str, Any]] = MappingProxyType({"color": INK, "linewidth": 0.8, "linestyle": ":"})
 LABEL: Final = 9
 SMALL: Final = 8
 

@@ -49,12 +49,19 @@ def draw_summary(result: Summary, *, figure: Figure) -> Figure:
     plot_errors(result.errors, ax=figure.add_subplot(grid[0, split:]))
     for k, block in enumerate(result.portrait.blocks):
         plot_block(block, ax=figure.add_subplot(grid[1, 2 * k : 2 * k + 2]))
-    figure.supxlabel(_caption(result.portrait), fontsize=LABEL, color=INK)
+    figure.supxlabel(caption(result.portrait), fontsize=LABEL, color=INK)
     return figure
 
 
-def _caption(portrait: Portrait) -> str:
-    """What the scale of the blocks rests on."""
+def caption(portrait: Portrait) -> str:
+    """Say what circles and lines are, and what the scale of the blocks rests on.
+
+    Args:
+        portrait: The blocks.
+
+    Returns:
+        A caption.
+    """
     if portrait.anchored:
         return "Circles: truth. Lines: learned. The data fix the scale."
     return (
