@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Task 2 of the paper: a damped, driven pendulum
 # Learn it from the angle and the angular velocity by the default preset, print the errors beside the paper's, and draw
-# rollouts and what was learned beside the truth. `make demo` runs this; it takes about a minute and a half.
+# rollouts and what was learned beside the truth. `make demo` runs this; it takes about a minute and a quarter.
 
 # %%
 import itertools
