@@ -3,8 +3,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 PYTHON ?= $(shell python3.11 -c 'print("python3.11")' 2>/dev/null || echo python3)
 CODE := $(wildcard conftest.py src tests examples benchmarks)
-# Two processes, whole files: tests of one file share their compiled functions.
-PYTEST_ARGS ?= -n 2 --dist loadfile
+# Two processes, whole files: tests of one file share their compiled functions. A process that crashes ends the run.
+PYTEST_ARGS ?= -n 2 --dist loadfile --max-worker-restart 0
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint format fast-test slow-test coverage lock clean

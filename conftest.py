@@ -1,8 +1,9 @@
-"""Settings of JAX and hypothesis under which every test runs, and where recorded data lie.
+"""Settings of JAX and hypothesis under which every test runs, what it may leave behind, and where recorded data lie.
 
 It is here rather than in `tests/`, so that the examples in docstrings under `src/` run under the same settings.
 """
 
+import gc
 import os
 from pathlib import Path
 
@@ -11,11 +12,14 @@ import jax
 import pytest
 
 ROOT = Path(__file__).resolve().parent
+_MOST_MAPS = 8_000  # A file of tests adds up to 8 000; Linux ends a process's maps at 65 530.
 
 
 def _compilation_cache() -> Path | None:
     """Folder of the user's cache for compiled programs; `None` where it cannot be written."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "symoden" / "tests"
+    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    # Each worker has its own: JAX does not write entries atomically, and another process may read half of one.
+    cache = home / "symoden" / "tests" / os.environ.get("PYTEST_XDIST_WORKER", "main")
     try:
         cache.mkdir(parents=True, exist_ok=True)
     except OSError:
@@ -35,6 +39,19 @@ if (_cache := _compilation_cache()) is not None:
 # The same examples on every machine; no deadline, because the first call of a test compiles.
 hypothesis.settings.register_profile("symoden", derandomize=True, deadline=None, max_examples=50, print_blob=True)
 hypothesis.settings.load_profile("symoden")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_memory_maps():
+    """Forget compiled programs before the process has as many memory maps as Linux allows, where LLVM crashes."""
+    yield
+    try:
+        maps = Path("/proc/self/maps").read_bytes().count(b"\n")
+    except OSError:  # Other systems have no such file, nor the limit.
+        return
+    if maps > _MOST_MAPS:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(scope="session")
