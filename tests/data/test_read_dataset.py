@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from symoden.data import DataError, read_dataset
+from symoden.data import DataError, DataWarning, read_dataset
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 HEAD = 'space = "R1 T1"\ntime = "t"\npositions = ["x", "phi"]\nvelocities = ["vx", "vphi"]\ninputs = ["u"]\n'
@@ -53,7 +53,8 @@ def test_everything_arrives_where_it_belongs(tmp_path):
 
 def test_an_angle_taken_for_a_number_keeps_its_jumps(tmp_path):
     write_run(tmp_path / "a.csv")
-    run = read_dataset(described(tmp_path, HEAD + TRAIN), space="R2").train[0]
+    with pytest.warns(DataWarning, match=r"`phi` jumps by 2π \d+ times, .* but the description calls it a length"):
+        run = read_dataset(described(tmp_path, HEAD + TRAIN), space="R2").train[0]
     assert np.abs(np.diff(run.q[:, 1])).max() > 6
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from tyro.conf import Positional, arg
 
@@ -178,6 +178,29 @@ class Reproduce:
     general: General = field(default_factory=General)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Data:
+    """Check a data set: what was read, and what looks wrong, with what to do.
+
+    `symoden data check FILE.toml` lists each recording (samples, steps of time, missing numbers, gaps) and each column
+    (range, rounding, noise, cut-off, motion, position against velocity), and names stuck sensors, wrong units, signs
+    and columns, jumps, and time stamps out of order. Its exit status is 0 if the files could be read.
+
+    Attributes:
+        action: check.
+        source: The TOML file that describes the data set.
+        figure: Picture to draw of all recordings, with the findings marked: PNG, PDF or SVG.
+        space: Configuration space instead of the description's own.
+        general: How to report.
+    """
+
+    action: Annotated[Positional[Literal["check"]], arg(metavar="check")]
+    source: Annotated[Positional[Path], arg(metavar="FILE.toml")]
+    figure: Annotated[Path | None, arg(metavar="FILE.png", help_behavior_hint="(default: none)")] = None
+    space: Annotated[str | None, arg(metavar="S", help_behavior_hint="(default: the description's)")] = None
+    general: General = field(default_factory=General)
+
+
 COMMANDS: Final[Mapping[str, type]] = MappingProxyType(
     {
         "simulate": Simulate,
@@ -186,6 +209,7 @@ COMMANDS: Final[Mapping[str, type]] = MappingProxyType(
         "predict": Predict,
         "inspect": Inspect,
         "reproduce": Reproduce,
+        "data": Data,
     }
 )
-Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect | Reproduce
+Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect | Reproduce | Data

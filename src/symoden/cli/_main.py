@@ -72,7 +72,8 @@ def _carry_out(command: Command) -> None:
     if command.general.debug:
         logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
     importlib.import_module("._session", __package__).configure()
-    importlib.import_module(f"._{type(command).__name__.lower()}", __package__).run(command)
+    with importlib.import_module("._warnings", __package__).warnings_as_lines():
+        importlib.import_module(f"._{type(command).__name__.lower()}", __package__).run(command)
 
 
 def _way_on(command: Command) -> str:

@@ -1,7 +1,11 @@
 """Recorded motion: trajectories, data sets of trajectories of any length, windows, and reading them from files."""
 
+from ._check import DatasetCheck as DatasetCheck, RecordingCheck as RecordingCheck, check_dataset as check_dataset
 from ._dataset import Dataset as Dataset
-from ._errors import DataError as DataError
+from ._errors import DataError as DataError, DataWarning as DataWarning
+from ._facts import ChannelFacts as ChannelFacts
+from ._findings import Finding as Finding
+from ._logs import Log as Log
 from ._read_dataset import read_dataset as read_dataset
 from ._resample import resample as resample
 from ._split import segments as segments, split_validation as split_validation
@@ -10,10 +14,17 @@ from ._velocities import estimate_velocities as estimate_velocities
 from ._windows import Windows as Windows, windows as windows
 
 __all__ = [
+    "ChannelFacts",
     "DataError",
+    "DataWarning",
     "Dataset",
+    "DatasetCheck",
+    "Finding",
+    "Log",
+    "RecordingCheck",
     "Trajectory",
     "Windows",
+    "check_dataset",
     "estimate_velocities",
     "read_dataset",
     "resample",

@@ -3,12 +3,13 @@
 import math
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, NoReturn, TypeAlias
 
 from ._errors import DataError, listing, nearest
 from ._readers import Selector
+from ._units import factor_of, is_named
 
 Check: TypeAlias = Callable[[object], object]
 
@@ -34,13 +35,17 @@ class Description:
 
     Attributes:
         space: Configuration space, one factor per position column.
-        positions: Columns of positions; angles in rad.
-        time: Column of time stamps [s].
+        positions: Columns of positions; angles in rad, unless `units` says otherwise.
+        time: Column of time stamps [s], unless `units` says otherwise.
         dt: Step of files without time stamps [s].
         velocities: Columns of velocities.
         momenta: Columns of momenta; neither these nor velocities: velocities are estimated from the positions.
         inputs: Columns of inputs; none: free motion.
+        units: Factors that bring columns to SI and rad as they are read, by the name of a column, or of a variable for
+            all its columns. In the file: a factor, or a unit's name: `units = {q = "deg", "tau[1]" = -0.062}`.
         hold: What an input is between samples.
+        input_delay: Constant transport delay of the inputs [s], one for all or one each: the input that acts at t is
+            the one that was logged at t − delay. The first samples, whose inputs were not logged, are left out.
         resample: Step of the uniform grid to bring recordings to [s].
         input_matrix: Known g, row by row.
         initial_samples: Samples of a recording, after resampling, that may be used to find its first state.
@@ -56,13 +61,32 @@ class Description:
     velocities: Selector | None = None
     momenta: Selector | None = None
     inputs: Selector = ()
+    units: Mapping[str, float] = field(default_factory=dict)
     hold: Literal["zero", "linear"] = "zero"
+    input_delay: tuple[float, ...] = (0.0,)
     resample: float | None = None
     input_matrix: tuple[tuple[float, ...], ...] | None = None
     initial_samples: int = 1
     train: Part | None = None
     test: Part | None = None
     validation: Part | None = None
+
+    @property
+    def selectors(self) -> dict[str, Selector]:
+        """What is read of every file, by role: "time", "positions", "rates", "inputs"."""
+        every = {
+            "time": self.time,
+            "positions": self.positions,
+            "rates": self.velocities or self.momenta,
+            "inputs": self.inputs,
+        }
+        return {role: selector for role, selector in every.items() if selector is not None}
+
+    @property
+    def parts(self) -> dict[str, Part]:
+        """The parts that are described, by name."""
+        every = {"train": self.train, "test": self.test, "validation": self.validation}
+        return {name: part for name, part in every.items() if part is not None}
 
 
 def read_description(path: Path, *, space: str | None = None) -> Description:
@@ -135,6 +159,20 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         raise DataError(f"`{path}`: [train] or [test] must name `files`; got neither.")
     if isinstance(description.positions, tuple):
         _refuse_other_size(path, description)
+    delays = len(description.input_delay)
+    if isinstance(description.inputs, tuple) and delays not in (1, len(description.inputs)):
+        raise DataError(
+            f"`{path}`: `input_delay` must be one number or one per input, {len(description.inputs)}; got {delays}."
+        )
+    for column in description.units:
+        if not is_named(column, description.selectors):
+            read = [
+                name for each in description.selectors.values() for name in ([each] if isinstance(each, str) else each)
+            ]
+            raise DataError(
+                f"`{path}`: `units` must name columns that are read; got `{column}`.{nearest(column, read)} "
+                f"These are {listing(read)}."
+            )
 
 
 def _refuse_other_size(path: Path, description: Description) -> None:
@@ -200,6 +238,25 @@ def _hold(value: object) -> object:
     return value if value in ("zero", "linear") else _fail('"zero" or "linear"')
 
 
+def _units(value: object) -> dict[str, float]:
+    """Factors by column."""
+    if not isinstance(value, dict):
+        _fail('a table of columns, such as {q = "deg", tau = 0.062}')
+    return {column: factor_of(unit) for column, unit in value.items()}
+
+
+def _delays(value: object) -> tuple[float, ...]:
+    """Seconds from 0 on, one or several."""
+    seconds = [
+        float(item)
+        for item in (value if isinstance(value, list) else [value])
+        if isinstance(item, int | float) and _is_number(item) and item >= 0
+    ]
+    if not seconds or len(seconds) != (len(value) if isinstance(value, list) else 1):
+        _fail("a number of seconds, at least 0, or a list of one per input")
+    return tuple(seconds)
+
+
 def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
     """Rows of numbers, all of one length."""
     rows = value if isinstance(value, list) else []
@@ -228,7 +285,9 @@ _KEYS: Final[dict[str, Check]] = {
     "velocities": _selector,
     "momenta": _selector,
     "inputs": _inputs,
+    "units": _units,
     "hold": _hold,
+    "input_delay": _delays,
     "resample": _positive,
     "input_matrix": _matrix,
     "initial_samples": _count,

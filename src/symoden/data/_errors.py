@@ -15,6 +15,10 @@ class DataError(ValueError):
     """
 
 
+class DataWarning(UserWarning):
+    """Recorded data are usable, but something was left out of them or looks wrong."""
+
+
 def listing(names: Iterable[str]) -> str:
     """Names as one phrase in a message, a long list being cut short."""
     every = list(names)

@@ -68,10 +68,10 @@ def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice) -> Row
         rows: Rows to keep; nothing else of the file is looked at.
 
     Returns:
-        The finite numbers that were asked for.
+        The numbers that were asked for; NaN where one is missing.
 
     Raises:
-        DataError: If the file cannot be read, lacks something, or has anything but finite numbers there.
+        DataError: If the file cannot be read, lacks something, or has anything but numbers there.
     """
     suffix = suffix_of(path)
     if not suffix:
@@ -82,15 +82,8 @@ def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice) -> Row
         found = _from_table(path, selectors, rows) if suffix in _TABLES else _from_arrays(path, selectors, rows)
     except OSError as error:
         raise DataError(f"`{path}`: cannot be read: {error.strerror or error}.") from error
-    for role, signals in found.signals.items():
-        unfit = np.argwhere(~np.isfinite(signals))
-        if unfit.size:
-            row, column = (int(i) for i in unfit[0])
-            raise DataError(
-                f"`{path}`: column `{found.names[role][column]}`, row {found.start + row}: must be finite; got "
-                f"{float(signals[row, column])!r} ({len(unfit)} such value{'s' if len(unfit) > 1 else ''} in "
-                f"`{role}`). Select rows without it by `rows`."
-            )
+    for signals in found.signals.values():
+        signals[~np.isfinite(signals)] = np.nan  # An infinity is no measurement either.
     return found
 
 
@@ -112,7 +105,7 @@ def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice) -> R
 def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice) -> Rows:
     """Read variables of a file of arrays."""
     wanted = {role: (selector,) if isinstance(selector, str) else selector for role, selector in selectors.items()}
-    variables = {_variable_of(name) for names in wanted.values() for name in names}
+    variables = {variable_of(name) for names in wanted.values() for name in names}
     arrays = _ARRAYS[suffix_of(path)](path, sorted(variables))
     columns = {name: _columns(path, name, array) for name, array in arrays.items()}
     _refuse_mixed_lengths(path, columns)
@@ -133,8 +126,8 @@ def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice) -> 
     return Rows(path=path, start=start, stop=stop, signals=signals, names=names)
 
 
-def _variable_of(name: str) -> str:
-    """Variable of `variable[column]`, or of a plain name."""
+def variable_of(name: str) -> str:
+    """Name of the variable of `variable[column]`, or the plain name itself."""
     item = _ITEM.fullmatch(name)
     return item["variable"] if item else name
 

@@ -80,23 +80,24 @@ def centred_mean(ts: Times, signals: Signals, at: np.ndarray, width: float) -> n
     return np.where(wide[:, None], integral / np.where(wide, 2 * half, 1.0)[:, None], value)
 
 
-def held_mean(ts: Times, signals: Inputs, at: np.ndarray, width: float) -> np.ndarray:
+def held_mean(ts: Times, signals: Inputs, at: np.ndarray, width: float | np.ndarray) -> np.ndarray:
     """Mean, over [t, t + width), of signals that keep each sample's value until the next one.
 
     Args:
         ts: Time stamps [s].
         signals: One column per signal; the last sample is held for ever.
         at: Starts t of the windows [s], not before the first time stamp.
-        width: Width of the windows [s].
+        width: Width of the windows [s]; a column of one width per window, or one for all.
 
     Returns:
         One row per window.
     """
-    end = max(ts[-1], at[-1]) + 2 * width
+    widths = np.broadcast_to(width, (len(at), 1))
+    end = max(ts[-1], at[-1]) + 2 * widths.max()
     knots = np.append(ts, end)
     area = np.zeros((len(knots), signals.shape[1]))
     np.cumsum(np.diff(knots)[:, None] * signals, axis=0, out=area[1:])
-    return (_interpolated(knots, area, at + width) - _interpolated(knots, area, at)) / width
+    return (_interpolated(knots, area, at + widths[:, 0]) - _interpolated(knots, area, at)) / widths
 
 
 def _interpolated(ts: np.ndarray, signals: np.ndarray, at: np.ndarray) -> np.ndarray:

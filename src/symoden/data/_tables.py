@@ -2,6 +2,7 @@
 
 import csv
 import gzip
+import math
 import zlib
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,6 +13,7 @@ import polars as pl
 from ._errors import DataError, missing
 from ._limits import LARGEST, refuse_large
 
+_NOTHING = ("", "na", "n/a", "null", "none")  # what tables write where a sample is missing; NaN is a number
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
@@ -81,10 +83,10 @@ def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np
         first_row: Row of the file that is the table's first row, for messages.
 
     Returns:
-        The column.
+        The column; NaN where a cell is empty or says that it is.
 
     Raises:
-        DataError: If the column is absent or twice there, or a cell is empty or no number.
+        DataError: If the column is absent or twice there, or a cell is no number.
     """
     if name not in frame.columns:
         raise DataError(missing(path, name, frame.columns))
@@ -94,20 +96,23 @@ def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np
     if column.dtype == pl.String:
         column = column.str.strip_chars()
         cast = column.cast(pl.Float64, strict=False)
-        bad = cast.is_null()
+        empty = column.str.to_lowercase().is_in(_NOTHING).fill_null(value=True)
+        _refuse_text(path, name, column, cast.is_null() & ~empty, first_row)
     elif column.dtype.is_numeric() or column.dtype == pl.Boolean:
         cast = column.cast(pl.Float64)
-        bad = cast.is_null()
     else:
         raise DataError(f"`{path}`: column `{name}` must hold numbers; got {column.dtype}.")
-    first_bad = bad.arg_max() if bad.any() else None
-    if first_bad is not None:
-        cell = column[first_bad]
+    return cast.fill_null(math.nan).to_numpy().astype(np.float64)
+
+
+def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first_row: int) -> None:
+    """Refuse a column that has words among its numbers."""
+    row = bad.arg_max() if bad.any() else None
+    if row is not None:
         raise DataError(
-            f"`{path}`: column `{name}`, row {first_row + first_bad}: must be a number; got "
-            f"{'an empty cell' if cell in (None, '') else repr(cell)}. Correct it, or select rows without it by `rows`."
+            f"`{path}`: column `{name}`, row {first_row + row}: must be a number or empty; got {column[row]!r}. "
+            "Correct it, or select rows without it by `rows`."
         )
-    return cast.to_numpy().astype(np.float64)
 
 
 def _contents(path: Path) -> bytes:

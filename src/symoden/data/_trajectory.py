@@ -98,18 +98,19 @@ def refuse_times_out_of_order(ts: Times, where: str, *, first_row: int = 0) -> N
     """Refuse time stamps that do not increase.
 
     Args:
-        ts: Time stamps [s].
+        ts: Time stamps [s]; NaN where one is missing, which is passed over.
         where: Start of the message: the file and the column.
         first_row: Row of the first time stamp, so that the message gives the row of the file.
 
     Raises:
         DataError: If a time stamp is not greater than the one before it.
     """
-    late = np.flatnonzero(np.diff(ts) <= 0)
+    known = np.flatnonzero(np.isfinite(ts))
+    late = np.flatnonzero(np.diff(ts[known]) <= 0)
     if late.size:
-        k = int(late[0]) + 1
+        before, k = (int(i) for i in known[late[0] : late[0] + 2])
         raise DataError(
-            f"{where}, row {first_row + k}: times must increase; got {float(ts[k])!r} after {float(ts[k - 1])!r} "
+            f"{where}, row {first_row + k}: times must increase; got {float(ts[k])!r} after {float(ts[before])!r} "
             f"({late.size} such row{'s' if late.size > 1 else ''}). Sort the rows by time and keep one of each."
         )
 

@@ -16,6 +16,7 @@ from ._table import (
 if TYPE_CHECKING or importlib.util.find_spec("matplotlib") is not None:
     from ._blocks import plot_block as plot_block
     from ._comparison import draw_comparison as draw_comparison, plot_comparison as plot_comparison
+    from ._data import draw_check as draw_check
     from ._errors import plot_errors as plot_errors
     from ._extrapolation import (
         draw_extrapolation as draw_extrapolation,
@@ -32,6 +33,7 @@ if TYPE_CHECKING or importlib.util.find_spec("matplotlib") is not None:
 
 __all__ = [
     "Summary",
+    "draw_check",
     "draw_comparison",
     "draw_energies",
     "draw_extrapolation",

@@ -1,0 +1,181 @@
+"""`symoden data check`."""
+
+import dataclasses
+import io
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from symoden.data import ChannelFacts, DatasetCheck, Finding, RecordingCheck, check_dataset
+from symoden.storage import write_atomically
+
+from ._arguments import Data
+from ._output import print_json, print_table
+
+_LEVELS = ("refused", "warning", "masked", "note")
+_FORMATS = (".png", ".pdf", ".svg")
+_DPI = 200
+_NAMED = 3  # other recordings that a line names
+
+
+def run(command: Data) -> None:
+    """Check a data set.
+
+    Args:
+        command: What to do.
+
+    Raises:
+        ValueError: If the figure's format is unknown; a `DataError` if the files cannot be read.
+    """
+    if command.figure is not None and command.figure.suffix.lower() not in _FORMATS:
+        raise ValueError(f"`--figure` must end in one of {', '.join(_FORMATS)}; got `{command.figure}`.")
+    check = check_dataset(command.source, space=command.space)
+    if command.figure is not None:
+        _draw(check, command.figure)
+    if command.general.json:
+        print_json(_as_json(check, command))
+        return
+    _print_recordings(check)
+    _print_channels(check)
+    _print_findings(check)
+    if command.figure is not None:
+        print(f"\nall recordings are drawn in {command.figure}")
+
+
+def _print_recordings(check: DatasetCheck) -> None:
+    """A line for each file of each part."""
+    columns = (
+        "part", "recording", "rows", "duration [s]", "step [ms]", "least", "most", "missing rows", "gaps", "recordings",
+    )  # fmt: skip
+    rows = [
+        (
+            each.log.part,
+            each.log.name,
+            len(each.log),
+            each.duration,
+            *(1e3 * each.steps[i] for i in (1, 0, 2)),
+            each.missing,
+            len(each.gaps),
+            each.recordings or "refused",
+        )
+        for each in check.recordings
+    ]
+    said = check.description
+    resampled = f", resampled to {said.resample:g} s" if said.resample else ""
+    title = f"What was read: space {said.space}, hold {said.hold}{resampled}; step: median, least and most"
+    print_table(title, columns, rows)
+
+
+def _print_channels(check: DatasetCheck) -> None:
+    """A line for each column, over all recordings."""
+    columns = ("column", "role", "least", "most", "rms", "rounded to", "noise", "cut off", "moves", "(dq/dt) / v")
+    measured = [each.channels for each in check.recordings if each.channels]
+    rows = [_channel_row(facts) for facts in zip(*measured, strict=True)] if measured else []
+    print_table("Columns over all recordings, in SI and rad (rounding and noise: medians)", columns, rows)
+
+
+def _channel_row(facts: Sequence[ChannelFacts]) -> tuple[object, ...]:
+    """One column of all recordings."""
+    quantum, noise = (float(np.median([getattr(one, name) for one in facts])) for name in ("quantum", "noise"))
+    least, most = min(one.minimum for one in facts), max(one.maximum for one in facts)
+    cut_off = float(np.mean([one.cut_off for one in facts]))
+    moving = [one.moving for one in facts if one.moving is not None]
+    ratios = [one.ratio for one in facts if one.ratio is not None]
+    return (
+        facts[0].name,
+        facts[0].role,
+        least,
+        most,
+        float(np.sqrt(np.mean([one.rms**2 for one in facts]))),
+        quantum or "-",
+        noise if noise > 1e-9 * (most - least) else "-",
+        f"{cut_off:.0%}" if cut_off else "-",
+        f"{np.mean(moving):.0%}" if moving else "-",
+        _interval(ratios),
+    )
+
+
+def _interval(values: Sequence[float]) -> str:
+    """The values in three digits, as one number or as least to most."""
+    texts = [f"{value:.3g}" for value in (min(values), max(values))] if values else ["-"]
+    return " to ".join(dict.fromkeys(texts))
+
+
+def _print_findings(check: DatasetCheck) -> None:
+    """The findings in words, what is worst first, each kind of a column once."""
+    print("\nFindings")
+    groups = list(_grouped(check))
+    if not any(finding.level != "note" for finding, _ in groups):
+        print("nothing looks wrong" + ("; worth knowing:" if groups else ""))
+    for level in _LEVELS:
+        for finding, names in groups:
+            if finding.level == level:
+                print(f"- {level}{_where(names)}: {finding.text}{'' if finding.text.endswith(('.', '?')) else '.'}")
+                if finding.advice:
+                    print(f"  {finding.advice}")
+
+
+def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, list[str]]]:
+    """Findings of the data set, then of the recordings: the first of its kind, and the names of all that have it."""
+    for finding in check.findings:
+        yield finding, []
+    groups: dict[tuple[str, str, str], tuple[Finding, list[str]]] = {}
+    for each in check.recordings:
+        for finding in each.findings:
+            key = (finding.level, finding.kind, finding.channel)
+            groups.setdefault(key, (finding, []))[1].append(each.log.name)
+    yield from groups.values()
+
+
+def _where(names: list[str]) -> str:
+    """The recording that the words are about, and the others that have the same."""
+    if not names:
+        return ""
+    others = ", ".join(names[1 : 1 + _NAMED]) + (", …" if len(names) > 1 + _NAMED else "")
+    return f" in {names[0]}" + (f" (and {len(names) - 1} more: {others})" if len(names) > 1 else "")
+
+
+def _draw(check: DatasetCheck, path: Path) -> None:
+    """Draw all recordings into a file."""
+    from symoden.report import draw_check
+
+    buffer = io.BytesIO()
+    draw_check(check).savefig(buffer, format=path.suffix[1:].lower(), dpi=_DPI)
+    write_atomically(path, buffer.getvalue())
+
+
+def _as_json(check: DatasetCheck, command: Data) -> dict[str, object]:
+    """Everything that was found."""
+    return {
+        "source": str(command.source),
+        "space": check.description.space,
+        "refused": check.refused,
+        "findings": [_finding_as_json(finding) for finding in check.findings],
+        "recordings": [_recording_as_json(each) for each in check.recordings],
+        "figure": None if command.figure is None else str(command.figure),
+    }
+
+
+def _recording_as_json(each: RecordingCheck) -> dict[str, object]:
+    """What was found in one recording."""
+    least, median, most = each.steps
+    return {
+        "name": each.log.name,
+        "split": each.log.part,
+        "file": str(each.log.path),
+        "rows": len(each.log),
+        "recordings": each.recordings,
+        "duration_s": each.duration,
+        "step_s": {"min": least, "median": median, "max": most},
+        "missing_rows": each.missing,
+        "gaps_s": each.gaps,
+        "channels": [dataclasses.asdict(one) for one in each.channels],
+        "findings": [_finding_as_json(finding) for finding in each.findings],
+    }
+
+
+def _finding_as_json(finding: Finding) -> dict[str, object]:
+    """One finding."""
+    plain = dataclasses.asdict(finding)
+    return plain | {"spans_s": plain.pop("spans")}

@@ -1,0 +1,285 @@
+"""Checking a data set: what was read, and what is wrong with it."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ._description import Description, read_description
+from ._errors import DataError
+from ._examine import examine, is_idle
+from ._facts import ChannelFacts
+from ._findings import Finding
+from ._logs import Log, angles, read_logs
+from ._masking import Mask
+from ._mismatch import AGREES
+from ._read_dataset import assemble
+from ._recordings import recordings_of
+from ._trajectory import Trajectory
+
+_LISTED = 20  # rows whose time goes back, at most marked
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordingCheck:
+    """What was found in one file's rows of one part.
+
+    Attributes:
+        log: The numbers as they were logged, in SI and rad.
+        recordings: How many recordings training makes of it; 0 if it refuses it.
+        duration: Time from the first to the last time stamp [s].
+        steps: Smallest, median and largest step of time [s].
+        missing: Rows that lack a number.
+        gaps: Start and end of each gap at which it is split [s].
+        channels: Facts of every column; none where too few rows are complete.
+        findings: What is worth saying.
+    """
+
+    log: Log
+    recordings: int
+    duration: float
+    steps: tuple[float, float, float]
+    missing: int
+    gaps: tuple[tuple[float, float], ...]
+    channels: tuple[ChannelFacts, ...]
+    findings: tuple[Finding, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DatasetCheck:
+    """What was found in a data set.
+
+    Attributes:
+        description: What the description says.
+        recordings: What was found in each file, part by part.
+        findings: What is worth saying of them together.
+    """
+
+    description: Description
+    recordings: tuple[RecordingCheck, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def refused(self) -> bool:
+        """Whether training refuses the data."""
+        every = [*self.findings, *(finding for each in self.recordings for finding in each.findings)]
+        return any(finding.level == "refused" for finding in every)
+
+
+def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck:
+    """Read the files of a description, and look for what can be wrong with logs.
+
+    Rows without numbers, gaps, time stamps that do not increase, sensors that stand still, wrong units, signs and
+    columns, jumps and wraps of angles, inputs that are cut off, rounding, noise, and joints and inputs that do nothing.
+
+    Args:
+        path: The description.
+        space: Configuration space to take instead of the description's.
+
+    Returns:
+        What was found; whatever `read_dataset` refuses after reading is a finding here.
+
+    Raises:
+        DataError: If the description or a file cannot be read.
+
+    Example:
+        >>> check = check_dataset("arm.toml")  # doctest: +SKIP
+        >>> [finding.text for finding in check.recordings[0].findings]  # doctest: +SKIP
+        ['`pos_meas1` does not change at all from 3.2 to 5.1 s while the machine moves: a stuck sensor?']
+    """
+    path = Path(path)
+    description = read_description(path, space=space)
+    is_angle = angles(path, description)
+    logs = read_logs(path, description)
+    made = [_made(log, description, is_angle) for log in logs]
+    checks = tuple(
+        _check(log, description, is_angle, recordings, outcome)
+        for log, (recordings, outcome) in zip(logs, made, strict=True)
+    )
+    checks = tuple(_advised(check, checks) for check in checks)
+    together = _idle_everywhere(checks)
+    if all(isinstance(outcome, Mask) for _, outcome in made):
+        together.extend(_assembled(path, description, logs, [recordings for recordings, _ in made]))
+    return DatasetCheck(description=description, recordings=checks, findings=tuple(together))
+
+
+def _made(log: Log, description: Description, is_angle: np.ndarray) -> tuple[tuple[Trajectory, ...], Mask | DataError]:
+    """The recordings of a log with what was left out, or why it has none."""
+    try:
+        return recordings_of(log, description, is_angle)
+    except DataError as error:
+        return (), error
+
+
+def _assembled(
+    path: Path, description: Description, logs: Sequence[Log], recordings: Sequence[tuple[Trajectory, ...]]
+) -> list[Finding]:
+    """What keeps the recordings from being a data set."""
+    try:
+        assemble(path, description, logs, recordings)
+    except DataError as error:
+        return [_refusal(error)]
+    return []
+
+
+def _refusal(error: DataError) -> Finding:
+    """Why training refuses the data."""
+    return Finding(kind="refused", level="refused", channel="", text=str(error), advice="")
+
+
+def _check(
+    log: Log,
+    description: Description,
+    is_angle: np.ndarray,
+    recordings: tuple[Trajectory, ...],
+    outcome: Mask | DataError,
+) -> RecordingCheck:
+    """Everything on one log."""
+    known = log.ts[np.isfinite(log.ts)]
+    steps = np.diff(known) if len(known) > 1 else np.zeros(1)
+    examination = examine(log, description, is_angle)
+    late = _out_of_order(log)
+    findings: list[Finding] = list(late)
+    if isinstance(outcome, DataError) and not late:
+        findings.append(_refusal(outcome))
+    findings.extend(_missing(log))
+    if isinstance(outcome, Mask):
+        findings.extend(_gaps(outcome))
+    return RecordingCheck(
+        log=log,
+        recordings=len(recordings),
+        duration=float(np.ptp(known)) if len(known) else 0.0,
+        steps=(float(steps.min()), float(np.median(steps)), float(steps.max())),
+        missing=int((~log.complete).sum()),
+        gaps=outcome.gaps if isinstance(outcome, Mask) else (),
+        channels=examination.facts.channels if examination.facts else (),
+        findings=(*findings, *examination.findings),
+    )
+
+
+def _out_of_order(log: Log) -> list[Finding]:
+    """Time stamps that go back or stand still."""
+    rows = np.flatnonzero(np.isfinite(log.ts))
+    late = np.flatnonzero(np.diff(log.ts[rows]) <= 0)
+    if not late.size:
+        return []
+    before, after = rows[late], rows[late + 1]
+    doubles = int((log.ts[before] == log.ts[after]).sum())
+    what = f"{len(late) - doubles} go back" + (f", {doubles} stand still" if doubles else "")
+    first = f"first at row {log.start + after[0]}: {float(log.ts[after[0]])!r} after {float(log.ts[before[0]])!r}"
+    return [
+        Finding(
+            kind="time",
+            level="refused",
+            channel=log.names["time"][0] if "time" in log.names else "",
+            text=f"{len(late)} time stamps do not increase ({what}), {first}",
+            advice="Sort the rows by time and keep one of each; if a clock was set back, cut the file there by `rows`.",
+            spans=tuple((float(log.ts[b]), float(log.ts[a])) for b, a in zip(before, after, strict=True))[:_LISTED],
+        )
+    ]
+
+
+def _missing(log: Log) -> list[Finding]:
+    """Columns that lack numbers."""
+    found = []
+    for role, signal in ({"time": log.ts[:, None]} | log.signals).items():
+        for i, name in enumerate(log.names.get(role, ())):
+            rows = np.flatnonzero(np.isnan(signal[:, i]))
+            if not len(rows):
+                continue
+            edges = np.flatnonzero(np.diff(rows) > 1)
+            runs = list(zip(rows[np.append(0, edges + 1)], rows[np.append(edges, len(rows) - 1)], strict=True))
+            found.append(
+                Finding(
+                    kind="missing",
+                    level="masked",
+                    channel=name,
+                    text=f"`{name}` lacks {len(rows)} of {len(log)} numbers, in {len(runs)} stretch"
+                    f"{'es' if len(runs) > 1 else ''}, first at row {log.start + int(rows[0])}",
+                    advice="These rows are left out; where that leaves a gap, the recording is split. To keep rows "
+                    "that lack nothing else, leave the column out.",
+                    spans=tuple(_time_of(log, int(first), int(last)) for first, last in runs),
+                )
+            )
+    return found
+
+
+def _time_of(log: Log, first: int, last: int) -> tuple[float, float]:
+    """Times of rows that lack numbers, from the neighbours where the time itself is missing."""
+    known = np.flatnonzero(np.isfinite(log.ts))
+    if not len(known):
+        return 0.0, 0.0
+    return float(np.interp(first, known, log.ts[known])), float(np.interp(last, known, log.ts[known]))
+
+
+def _gaps(mask: Mask) -> list[Finding]:
+    """Gaps in time at which a log is split."""
+    if not mask.gaps:
+        return []
+    start, end = max(mask.gaps, key=lambda gap: gap[1] - gap[0])
+    dropped = (
+        f"; pieces of {', '.join(map(str, mask.dropped))} samples are too short and dropped" if mask.dropped else ""
+    )
+    return [
+        Finding(
+            kind="gap",
+            level="masked",
+            channel="",
+            text=f"{len(mask.gaps)} gap{'s' if len(mask.gaps) > 1 else ''} in time, the longest {end - start:.3g} s "
+            f"from {start:.6g} to {end:.6g} s{dropped}",
+            advice="Nothing need be done: nothing is made up for a gap, the recording is split there.",
+            spans=mask.gaps,
+        )
+    ]
+
+
+def _advised(check: RecordingCheck, every: Sequence[RecordingCheck]) -> RecordingCheck:
+    """The same, but `units`, which hold for all files, advised only where no other file is right without them."""
+    return dataclasses.replace(
+        check,
+        findings=tuple(
+            dataclasses.replace(finding, advice=f"Other files are right: convert `{check.log.path}`, or leave it out.")
+            if finding.kind in {"unit", "sign"}
+            and not _agrees(check, finding)
+            and any(_agrees(e, finding) for e in every)
+            else finding
+            for finding in check.findings
+        ),
+    )
+
+
+def _agrees(check: RecordingCheck, finding: Finding) -> bool:
+    """Whether position and velocity are known to agree in the channel that a finding is about."""
+    joints = zip(*(_of_role(check, role) for role in ("position", "velocity")), strict=False)
+    return any(
+        finding.channel in (q.name, v.name) and v.ratio is not None and abs(v.ratio - 1) < AGREES for q, v in joints
+    )
+
+
+def _of_role(check: RecordingCheck, role: str) -> list[ChannelFacts]:
+    """Columns of one role."""
+    return [one for one in check.channels if one.role == role]
+
+
+def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:
+    """Joints and inputs that do nothing in any training recording."""
+    train = [check.channels for check in checks if check.log.part == "train" and check.channels]
+    found = []
+    for facts in zip(*train, strict=True) if train else ():
+        name = facts[0].name
+        if facts[0].role == "position" and all(is_idle(one) for one in facts):
+            text, advice = (
+                f"`{name}` moves in no training recording: its inertia, friction and energy cannot be learned",
+                "Record motions of this joint, or leave it out of the description if it is locked.",
+            )
+        elif facts[0].role == "input" and max(one.maximum for one in facts) == min(one.minimum for one in facts):
+            text, advice = (
+                f"`{name}` never changes in a training recording: what it does cannot be learned",
+                "Record motions under this input, leave it out if it is not connected, or give `input_matrix`.",
+            )
+        else:
+            continue
+        found.append(Finding(kind="idle", level="warning", channel=name, text=text, advice=advice))
+    return found

@@ -1,0 +1,64 @@
+"""Transport delay of inputs: what acts now was logged a while ago."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from ._errors import DataError
+from ._resample import centred_mean, held_mean
+from ._trajectory import Trajectory
+
+
+def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Literal["zero", "linear"]) -> Trajectory:
+    """Let the input that acts at t be the one that was logged at t − delay.
+
+    With hold "zero" the delayed signal changes between the time stamps. Each sample then takes its mean over the time
+    to the next sample, the integral being exact: every impulse ∫u dt is kept at any time stamps and nothing is aliased.
+    With hold "linear" it is interpolated. What acted on the first samples was logged before the recording began; they
+    are left out, since any value put there would be learned as physics.
+
+    Args:
+        trajectory: The recording, before it is resampled.
+        delays: Delay of each input [s], or one for all of them.
+        hold: What an input is between samples.
+
+    Returns:
+        The recording from the first sample on whose inputs are all known.
+
+    Raises:
+        DataError: If their number is wrong, or a delay leaves less than two samples.
+    """
+    ts, us = trajectory.ts, trajectory.us
+    if len(delays) not in (1, us.shape[1]):
+        raise DataError(
+            f"`{trajectory.name}`: `input_delay` must be one number or one per input, {us.shape[1]}; "
+            f"got {len(delays)}: {list(delays)}."
+        )
+    if not us.shape[1] or not any(delays):
+        return trajectory
+    longest = max(delays)
+    first = int(np.searchsorted(ts, ts[0] + longest * (1 - 1e-12)))
+    if len(ts) - first < 2:
+        raise DataError(
+            f"`{trajectory.name}`: `input_delay` must be shorter than the recording; got {longest} s for "
+            f"{trajectory.duration:.6g} s. Give it in seconds."
+        )
+    elapsed = ts - ts[0]
+    steps = np.diff(elapsed, append=2 * elapsed[-1] - elapsed[-2])[first:, None]
+    columns = []
+    for column, delay in zip(us.T, np.broadcast_to(delays, us.shape[1]), strict=True):
+        at = np.maximum(elapsed[first:] - delay, 0.0)
+        if hold == "zero":
+            columns.append(held_mean(elapsed, column[:, None], at, steps))
+        else:
+            columns.append(centred_mean(elapsed, column[:, None], at, 0.0))
+    kept = trajectory.cut(first, len(ts), name=trajectory.name)
+    return Trajectory(
+        name=kept.name,
+        ts=kept.ts,
+        q=kept.q,
+        rates=kept.rates,
+        us=np.concatenate(columns, axis=1),
+        initial_samples=kept.initial_samples,
+    )

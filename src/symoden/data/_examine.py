@@ -1,0 +1,113 @@
+"""Examining one log: what is wrong with it, and what is worth knowing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ._description import Description
+from ._facts import ChannelFacts, Facts, measure
+from ._findings import Finding
+from ._logs import Log
+from ._mismatch import find_mismatches
+from ._stuck import find_stuck
+
+_SAME = 0.03
+_IDLE = 10.0  # times its accuracy that a joint must move
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Examination:
+    """Facts of a log's channels, and findings on them; rows that are left out are `mask`'s business.
+
+    Attributes:
+        facts: The facts; None where too few rows are complete.
+        findings: The findings.
+    """
+
+    facts: Facts | None
+    findings: tuple[Finding, ...] = ()
+
+
+def examine(log: Log, description: Description, is_angle: np.ndarray) -> Examination:
+    """Look at the complete rows of a log.
+
+    Args:
+        log: What was logged.
+        description: What it means.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        What was found.
+    """
+    facts = measure(log, description, is_angle)
+    if facts is None:
+        return Examination(facts=None)
+    findings = (
+        *find_stuck(facts),
+        *find_mismatches(facts),
+        *_saturation(facts),
+        *_rounding(facts),
+        *_idle(facts),
+    )
+    return Examination(facts=facts, findings=findings)
+
+
+def _saturation(facts: Facts) -> list[Finding]:
+    """Inputs that are cut off at an extreme value."""
+    return [
+        Finding(
+            kind="saturation",
+            level="note",
+            channel=u.name,
+            text=f"`{u.name}` is at its extreme value ({u.minimum:.4g} or {u.maximum:.4g}) for {u.cut_off:.0%} of the "
+            "samples",
+            advice="If these are commands and the drive limits them further, name the measured input instead.",
+        )
+        for u in facts.inputs
+        if u.cut_off
+    ]
+
+
+def _rounding(facts: Facts) -> list[Finding]:
+    """Velocities that are differences of rounded positions."""
+    step = float(np.median(np.diff(facts.ts)))
+    return [
+        Finding(
+            kind="rounding",
+            level="note",
+            channel=v.name,
+            text=f"`{v.name}` is rounded to {v.quantum:.3g}, which is one step of `{q.name}` ({q.quantum:.3g}) in one "
+            f"step of time ({step:.3g} s): it was computed as a difference of positions",
+            advice="Nothing need be done. It knows no more than the positions do: without `velocities`, they are "
+            "estimated from several samples and have less noise.",
+        )
+        for q, v in zip(facts.positions, facts.rates, strict=False)
+        if facts.ratios and q.quantum and abs(v.quantum * step / q.quantum - 1) < _SAME
+    ]
+
+
+def _idle(facts: Facts) -> list[Finding]:
+    """Joints that hardly move."""
+    return [
+        Finding(
+            kind="idle",
+            level="note",
+            channel=q.name,
+            text=f"`{q.name}` hardly moves, by {q.span:.3g} in all",
+            advice="Nothing need be done if it moves in other recordings of the part.",
+        )
+        for q in facts.positions
+        if is_idle(q)
+    ]
+
+
+def is_idle(position: ChannelFacts) -> bool:
+    """Whether a position hardly moves.
+
+    Args:
+        position: Its facts.
+
+    Returns:
+        Whether its range is within ten times its rounding and noise.
+    """
+    return position.span <= _IDLE * max(position.quantum, position.noise)

@@ -1,0 +1,171 @@
+"""Facts of every channel of one log."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from ._description import Description
+from ._kinematics import Accuracy, Ratio, blocks, velocity_ratio
+from ._logs import Log
+from ._masking import longest_step
+from ._signals import noise_level, quantum, share_cut_off
+
+Role: TypeAlias = Literal["position", "velocity", "momentum", "input"]
+_LEAST_ROWS: Final = 10
+_MOVES, _ABOVE = 0.02, 3.0  # of the fastest block's way; times the accuracy
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelFacts:
+    """Facts of one column of a log, in SI and rad.
+
+    Attributes:
+        name: Name of the column.
+        role: What it is.
+        minimum: Smallest value.
+        maximum: Largest value.
+        rms: Root mean square.
+        quantum: Step to whose multiples the values are rounded; 0 if none was found.
+        noise: Standard deviation of the noise, at least that of the rounding.
+        cut_off: Share of samples at an extreme value at which the signal is cut off.
+        ratio: Of a velocity: displacement of the position over ∫v dt, 1 if they agree; None if unknown.
+        moving: Of a position: share of the time in which it moves; None of anything else.
+    """
+
+    name: str
+    role: Role
+    minimum: float
+    maximum: float
+    rms: float
+    quantum: float
+    noise: float
+    cut_off: float = 0.0
+    ratio: float | None = None
+    moving: float | None = None
+
+    @property
+    def span(self) -> float:
+        """Largest value less smallest."""
+        return self.maximum - self.minimum
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """How exactly it is known."""
+        return Accuracy(quantum=self.quantum, noise=self.noise)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Facts:
+    """What was measured of the complete rows of a log, in the order of their times, each time once.
+
+    Attributes:
+        ts: Time stamps [s] (T,).
+        q: Positions (T, n), not unwrapped.
+        v: Velocities (T, n); None if there are none.
+        us: Inputs (T, m).
+        is_angle: Whether each coordinate is an angle.
+        longest: Longest step that is no gap [s].
+        positions: Facts of each position.
+        rates: Facts of each velocity or momentum.
+        inputs: Facts of each input.
+        ratios: For each coordinate, its displacements against its integrated velocity; empty without velocities.
+    """
+
+    ts: np.ndarray
+    q: np.ndarray
+    v: np.ndarray | None
+    us: np.ndarray
+    is_angle: np.ndarray
+    longest: float
+    positions: tuple[ChannelFacts, ...]
+    rates: tuple[ChannelFacts, ...]
+    inputs: tuple[ChannelFacts, ...]
+    ratios: tuple[Ratio, ...]
+
+    @property
+    def channels(self) -> tuple[ChannelFacts, ...]:
+        """Facts of every column."""
+        return self.positions + self.rates + self.inputs
+
+
+def measure(log: Log, description: Description, is_angle: np.ndarray) -> Facts | None:
+    """Measure every channel of a log.
+
+    Args:
+        log: What was logged.
+        description: What it means.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        The facts; None where less than 10 rows are complete.
+    """
+    rows = np.flatnonzero(log.complete)
+    rows = rows[np.unique(log.ts[rows], return_index=True)[1]]
+    if len(rows) < _LEAST_ROWS:
+        return None
+    ts, q, us = log.ts[rows], log.q[rows], log.us[rows]
+    rates = None if log.rates is None else log.rates[rows]
+    v = rates if description.momenta is None else None
+    longest = longest_step(ts, resample=description.resample)
+    positions = tuple(
+        dataclasses.replace(one, moving=_share_moving(ts, np.unwrap(way) if angle else way, one.accuracy, longest))
+        for one, way, angle in zip(
+            _channels(ts, q, log.names["positions"], "position", longest), q.T, is_angle, strict=True
+        )
+    )
+    role: Role = "velocity" if description.momenta is None else "momentum"
+    of_rates = () if rates is None else _channels(ts, rates, log.names["rates"], role, longest)
+    ratios = ()
+    if v is not None:
+        ratios = tuple(
+            velocity_ratio(ts, *signals, longest=longest, accuracy=(one.accuracy, other.accuracy))
+            for *signals, one, other in zip(q.T, v.T, positions, of_rates, strict=True)
+        )
+        of_rates = tuple(
+            dataclasses.replace(one, ratio=ratio.factor if ratio.known else None)
+            for one, ratio in zip(of_rates, ratios, strict=True)
+        )
+    return Facts(
+        ts=ts,
+        q=q,
+        v=v,
+        us=us,
+        is_angle=is_angle,
+        longest=longest,
+        positions=positions,
+        rates=of_rates,
+        inputs=_channels(ts, us, log.names["inputs"], "input", longest),
+        ratios=ratios,
+    )
+
+
+def _channels(
+    ts: np.ndarray, signals: np.ndarray, names: tuple[str, ...], role: Role, longest: float
+) -> tuple[ChannelFacts, ...]:
+    """Facts of each column that need no other one."""
+    return tuple(_channel(ts, signal, name, role, longest) for signal, name in zip(signals.T, names, strict=True))
+
+
+def _channel(ts: np.ndarray, signal: np.ndarray, name: str, role: Role, longest: float) -> ChannelFacts:
+    """Facts of one column."""
+    step = quantum(signal)
+    return ChannelFacts(
+        name=name,
+        role=role,
+        minimum=float(signal.min()),
+        maximum=float(signal.max()),
+        rms=float(np.sqrt(np.mean(signal**2))),
+        quantum=step,
+        noise=max(noise_level(ts, signal, longest=longest), step / np.sqrt(12)),
+        cut_off=share_cut_off(signal) if role == "input" else 0.0,
+    )
+
+
+def _share_moving(ts: np.ndarray, way: np.ndarray, accuracy: Accuracy, longest: float) -> float:
+    """Share of the blocks of 0.1 s in which a position changes visibly."""
+    moves = np.abs(np.diff(way[blocks(ts, longest=longest)], axis=1)[:, 0])
+    if not len(moves):
+        return float(np.ptp(way) > 0)
+    return float((moves > max(_MOVES * moves.max(), _ABOVE * accuracy.size)).mean())

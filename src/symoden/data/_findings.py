@@ -1,0 +1,32 @@
+"""What is worth saying of a log."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+Kind: TypeAlias = Literal[
+    "missing", "gap", "time", "stuck", "unit", "sign", "velocity", "wrap", "jump", "saturation", "rounding", "idle",
+    "refused",
+]  # fmt: skip
+Level: TypeAlias = Literal["note", "masked", "warning", "refused"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something worth saying of a log, or of a whole data set.
+
+    Attributes:
+        kind: What it is about.
+        level: What training does: nothing ("note"), leaves something out ("masked"), warns and takes it as it is
+            ("warning"), or refuses the data ("refused").
+        channel: Column that it is about; empty if it is about all of them.
+        text: What was found.
+        advice: What to do.
+        spans: Start and end of each stretch that it is about [s]; none if it is about everything.
+    """
+
+    kind: Kind
+    level: Level
+    channel: str
+    text: str
+    advice: str
+    spans: tuple[tuple[float, float], ...] = ()

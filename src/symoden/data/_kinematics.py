@@ -1,0 +1,149 @@
+"""Whether positions and velocities tell of the same motion."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ._shapes import Times
+
+_BLOCK = 0.1  # [s] over which steps of an encoder average out, and a motion of 5 Hz does not
+_LEAST_STEPS, _LEAST_BLOCKS = 4, 8
+_ABOVE = 5.0  # times its uncertainty that a displacement must be, to be compared
+TURN: Final = 2 * np.pi
+UNRELATED: Final = 0.5  # misfit beyond which a velocity is not that of the position
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """How exactly a signal is known.
+
+    Attributes:
+        quantum: Step to whose multiples it is rounded; 0 if there is none.
+        noise: Standard deviation of its noise.
+    """
+
+    quantum: float
+    noise: float
+
+    @property
+    def size(self) -> float:
+        """The larger of both."""
+        return max(self.quantum, self.noise)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ratio:
+    """The factor k that makes displacements k ∫v dt.
+
+    Attributes:
+        factor: k; 1 if velocities and positions agree, NaN where too little moves to tell.
+        misfit: Share of a typical displacement that k ∫v dt does not explain; 0 if it explains all.
+    """
+
+    factor: float
+    misfit: float
+
+    @property
+    def known(self) -> bool:
+        """Whether there was enough motion to tell."""
+        return bool(np.isfinite(self.factor))
+
+
+def displacement(ts: Times, v: np.ndarray, *, longest: float) -> np.ndarray:
+    """∫v dt from the first sample on, by the trapezoidal rule; gaps add nothing.
+
+    Args:
+        ts: Increasing time stamps [s].
+        v: Velocity.
+        longest: Longest step that is no gap [s].
+
+    Returns:
+        The integral at every sample.
+    """
+    steps = np.diff(ts)
+    return np.append(0.0, np.cumsum(np.where(steps <= longest, steps, 0.0) * (v[1:] + v[:-1]) / 2))
+
+
+def blocks(ts: Times, *, longest: float) -> np.ndarray:
+    """First samples of consecutive blocks of about 0.1 s that span no gap, each with the one after its last.
+
+    Args:
+        ts: Increasing time stamps [s].
+        longest: Longest step that is no gap [s].
+
+    Returns:
+        Pairs of samples (blocks, 2).
+    """
+    steps = np.diff(ts)
+    size = max(_LEAST_STEPS, round(_BLOCK / float(np.median(steps))))
+    starts = np.arange(0, len(ts) - size, size)
+    gaps = np.append(0, np.cumsum(steps > longest))
+    whole = gaps[starts + size] == gaps[starts]
+    return np.stack([starts, starts + size], axis=1)[whole]
+
+
+def velocity_ratio(
+    ts: Times, q: np.ndarray, v: np.ndarray, *, longest: float, accuracy: tuple[Accuracy, Accuracy]
+) -> Ratio:
+    """Compare displacements with integrated velocities.
+
+    The factor is that of least absolute deviations, a weighted median, so that jumps of a wrapped angle do not change
+    it; blocks in which one of both does not change at all, at rest or stuck, do not count.
+
+    Args:
+        ts: Increasing time stamps [s].
+        q: Position, wrapped or not.
+        v: Velocity.
+        longest: Longest step that is no gap [s].
+        accuracy: Of position and velocity.
+
+    Returns:
+        The factor and how well it fits.
+    """
+    unknown = Ratio(factor=float("nan"), misfit=float("nan"))
+    pairs = blocks(ts, longest=longest)
+    pairs = pairs[_changes(q, pairs) & _changes(v, pairs)]
+    if len(pairs) < _LEAST_BLOCKS:
+        return unknown
+    way = displacement(ts, v, longest=longest)
+    dq, integral = np.diff(q[pairs], axis=1)[:, 0], np.diff(way[pairs], axis=1)[:, 0]
+    step = float(np.median(np.diff(ts)))
+    size = pairs[0, 1] - pairs[0, 0]
+    uncertain = accuracy[0].size, accuracy[1].size * step * np.sqrt(size)
+    if np.abs(dq).mean() <= _ABOVE * uncertain[0] or np.abs(integral).mean() <= _ABOVE * uncertain[1]:
+        return unknown
+    weights = np.abs(integral)
+    moving = weights > 0
+    factor = _weighted_median(dq[moving] / integral[moving], weights[moving])
+    unexplained, typical = (_weighted_median(x, weights) for x in (np.abs(dq - factor * integral), np.abs(dq)))
+    return Ratio(factor=factor, misfit=unexplained / typical if typical else np.inf)
+
+
+def _changes(signal: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Whether a signal changes within each block."""
+    changes = np.append(0, np.cumsum(np.diff(signal) != 0))
+    return changes[pairs[:, 1]] > changes[pairs[:, 0]]
+
+
+def jumps(ts: Times, q: np.ndarray, *, longest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Find jumps of a position by more than half a turn from one sample to the next.
+
+    Args:
+        ts: Increasing time stamps [s].
+        q: Position, not unwrapped.
+        longest: Longest step that is no gap [s].
+
+    Returns:
+        Samples after which it jumps by about whole turns, and those after which it jumps by something else.
+    """
+    change = np.where(np.diff(ts) <= longest, np.diff(q), 0.0)
+    rest = np.abs(change - TURN * np.round(change / TURN))
+    far = np.abs(change) > TURN / 2
+    return np.flatnonzero(far & (rest < TURN / 8)), np.flatnonzero(far & (rest >= TURN / 8))
+
+
+def _weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
+    """Value below which half of the weight lies."""
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2)])

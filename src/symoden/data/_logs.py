@@ -1,0 +1,169 @@
+"""What the files of a description hold, in SI and rad: everything as it was logged, good or bad."""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ._description import Description, Part
+from ._errors import DataError
+from ._files import find_files
+from ._readers import Rows, read_rows, suffix_of
+from ._units import in_si
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Log:
+    """One file's rows of one part, before anything is repaired; NaN where a number is missing.
+
+    Attributes:
+        part: "train", "test" or "validation".
+        name: The file's stem.
+        path: The file.
+        start: Its first row that was read, counted from 0.
+        ts: Time stamps [s] (T,), in the order of the rows.
+        q: Positions (T, n), angles with their jumps.
+        rates: Velocities or momenta (T, n); None if there are none.
+        us: Inputs (T, m).
+        names: Names of the columns by role: "time", "positions", "rates", "inputs".
+    """
+
+    part: str
+    name: str
+    path: Path
+    start: int
+    ts: np.ndarray
+    q: np.ndarray
+    rates: np.ndarray | None
+    us: np.ndarray
+    names: Mapping[str, tuple[str, ...]]
+
+    def __len__(self) -> int:
+        """Number of rows T."""
+        return len(self.ts)
+
+    @property
+    def signals(self) -> dict[str, np.ndarray]:
+        """Positions, rates if there are any, and inputs, by role."""
+        every = {"positions": self.q, "rates": self.rates, "inputs": self.us}
+        return {role: signal for role, signal in every.items() if signal is not None}
+
+    @property
+    def complete(self) -> np.ndarray:
+        """Whether each row has all its numbers (T,)."""
+        columns = [self.ts[:, None], *self.signals.values()]
+        return np.asarray(np.isfinite(np.concatenate(columns, axis=1)).all(axis=1))
+
+    @property
+    def time_column(self) -> str:
+        """Start of messages on the time stamps: the file and the column."""
+        return f"`{self.path}`: column `{self.names['time'][0]}`" if "time" in self.names else f"`{self.path}`: `dt`"
+
+
+def read_logs(path: Path, description: Description) -> tuple[Log, ...]:
+    """Read the files of a description.
+
+    Args:
+        path: The description's file.
+        description: What it says.
+
+    Returns:
+        The logs, part by part, in the order of the files.
+
+    Raises:
+        DataError: If a file cannot be read, lacks a column, or one part has rows of another one.
+    """
+    is_angle = angles(path, description)
+    parts = {name: _read_part(path, description, part) for name, part in description.parts.items()}
+    _refuse_overlaps(path, parts)
+    return tuple(_log(name, rows, description, is_angle) for name, part in parts.items() for rows in part)
+
+
+def angles(path: Path, description: Description) -> np.ndarray:
+    """Find out which coordinates are angles; there must be one per position column.
+
+    Args:
+        path: The description's file, for messages.
+        description: What it says.
+
+    Returns:
+        Whether each coordinate is an angle.
+
+    Raises:
+        DataError: If the space is misspelt, or has another number of coordinates than there are position columns.
+    """
+    from symoden.spaces import Space  # imports JAX
+
+    try:
+        is_angle = np.array(Space.parse(description.space).is_angle)
+    except ValueError as error:
+        raise DataError(f"`{path}`: `space`: {error}") from error
+    if isinstance(description.positions, tuple):
+        _refuse_other_size(path, description.space, is_angle, len(description.positions))
+    return is_angle
+
+
+def _refuse_other_size(path: Path, space: str, is_angle: np.ndarray, columns: int) -> None:
+    """Refuse a space with another number of coordinates than there are position columns."""
+    if len(is_angle) != columns:
+        raise DataError(
+            f"`{path}`: `space` must have one coordinate per position column; `{space}` has {len(is_angle)}, "
+            f"`positions` has {columns}. Write for example R{columns} for lengths, T{columns} for angles."
+        )
+
+
+def _read_part(path: Path, description: Description, part: Part) -> tuple[Rows, ...]:
+    """Rows of all files of one part."""
+    files = find_files(part.files, path)
+    return tuple(in_si(read_rows(file, description.selectors, slice(*part.rows)), description.units) for file in files)
+
+
+def _refuse_overlaps(path: Path, parts: Mapping[str, tuple[Rows, ...]]) -> None:
+    """Refuse rows that are in two parts: a test on what was learned from tells nothing."""
+    for (name, rows), (other_name, other_rows) in itertools.combinations(parts.items(), 2):
+        for one, other in itertools.product(rows, other_rows):
+            shared = range(max(one.start, other.start), min(one.stop, other.stop))
+            if one.path.samefile(other.path) and len(shared):
+                raise DataError(
+                    f"`{path}`: [{name}] and [{other_name}] must have no rows in common; both have rows {shared.start} "
+                    f"to {shared.stop - 1} of `{one.path}`. Name other files, or other `rows`."
+                )
+
+
+def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) -> Log:
+    """The rows of a file by what they mean."""
+    if len(rows) < 2:
+        raise DataError(
+            f"`{rows.path}`: a recording must have at least 2 rows; got {len(rows)}, from row {rows.start} on. Correct "
+            "`rows`, or leave the file out."
+        )
+    q, rates = rows.signals["positions"], rows.signals.get("rates")
+    _refuse_other_size(rows.path, description.space, is_angle, q.shape[1])
+    if rates is not None and rates.shape != q.shape:
+        raise DataError(
+            f"`{rows.path}`: velocities or momenta must have one column per position, {q.shape[1]}; "
+            f"got {rates.shape[1]}."
+        )
+    return Log(
+        part=part,
+        name=rows.path.name[: -len(suffix_of(rows.path))],
+        path=rows.path,
+        start=rows.start,
+        ts=_times(rows, description),
+        q=q,
+        rates=rates,
+        us=rows.signals["inputs"],
+        names=rows.names,
+    )
+
+
+def _times(rows: Rows, description: Description) -> np.ndarray:
+    """Time stamps in the order of the rows."""
+    if description.dt is not None:
+        return description.dt * np.arange(len(rows), dtype=np.float64)
+    times, columns = rows.signals["time"], rows.names["time"]
+    if len(columns) != 1:
+        raise DataError(f"`{rows.path}`: `{description.time}` must be one column of times; got {len(columns)} columns.")
+    return times[:, 0]

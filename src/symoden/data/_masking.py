@@ -1,0 +1,106 @@
+"""Leaving out what is missing: rows without numbers, and gaps in time, at which a recording is split."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ._logs import Log
+from ._shapes import Times
+
+LEAST_SAMPLES: Final = 25  # of a piece between gaps; the shortest recording bounds the length of training's windows
+_USUAL = 0.95  # share of the steps that are at most a usual one
+_FAR_LONGER = 5  # usual steps: real loggers hiccup by 3 to 4 of them, which interpolation bridges
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mask:
+    """Which rows of a log are used.
+
+    Attributes:
+        pieces: Rows of each piece between gaps, every row of a piece being complete; at least one piece.
+        dropped: Samples of each piece that is too short to be used.
+        missing: Number of rows left out because a number is missing.
+        gaps: Start and end of each gap [s].
+    """
+
+    pieces: tuple[np.ndarray, ...]
+    dropped: tuple[int, ...]
+    missing: int
+    gaps: tuple[tuple[float, float], ...]
+
+    def describe(self, name: str) -> str:
+        """Say what was masked, or nothing.
+
+        Args:
+            name: Name of the log.
+
+        Returns:
+            A phrase; empty where everything is used.
+        """
+        what = []
+        if self.missing:
+            what.append(f"{self.missing} row{'s' if self.missing > 1 else ''} without all numbers")
+        if self.gaps:
+            start, end = max(self.gaps, key=lambda gap: gap[1] - gap[0])
+            count = f"{len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''} in time"
+            what.append(f"{count} (the longest {end - start:.3g} s, from {start:.6g} s on)")
+            into = f"`{name}#1` to `{name}#{len(self.pieces)}`" if len(self.pieces) > 1 else "one piece"
+            what.append(f"kept as {into}" + (f", {sum(self.dropped)} samples too short" if self.dropped else ""))
+        return ", ".join(what)
+
+
+def mask(log: Log, *, resample: float | None, delay: float) -> Mask:
+    """Choose the rows of a log that are used.
+
+    Rows that lack a number are left out. Where the time stamps of the others are then further apart than 5 usual steps
+    (those that 95 % of the steps keep to) and than 2 steps of the grid to resample to, nothing is known in between, and
+    the log is split. Pieces of less than 25 samples, counted after resampling and delay, are dropped.
+
+    Args:
+        log: Log whose time stamps increase where they are known.
+        resample: Step of the grid that its recordings are brought to [s].
+        delay: Longest delay of an input [s]; each piece loses as much.
+
+    Returns:
+        The choice. A log without gaps is one piece, however short it is.
+    """
+    rows = np.flatnonzero(log.complete)
+    missing = len(log) - len(rows)
+    if len(rows) < 2:
+        return Mask(pieces=(rows,), dropped=(), missing=missing, gaps=())
+    ts = log.ts[rows]
+    steps = np.diff(ts)
+    after = np.flatnonzero(steps > longest_step(ts, resample=resample)) + 1
+    pieces = np.split(rows, after)
+    gaps = tuple((float(ts[k - 1]), float(ts[k])) for k in after)
+    step = max(float(np.median(steps)), resample or 0.0)
+    long = [
+        len(piece) >= LEAST_SAMPLES and log.ts[piece[-1]] - log.ts[piece[0]] - delay >= (LEAST_SAMPLES - 1.5) * step
+        for piece in pieces
+    ]
+    if not gaps or not any(long):
+        kept = pieces if not gaps else [max(pieces, key=len)]
+        return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, gaps=gaps)
+    kept = [piece for piece, fits in zip(pieces, long, strict=True) if fits]
+    return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, gaps=gaps)
+
+
+def longest_step(ts: Times, *, resample: float | None) -> float:
+    """Longest time between samples that is no gap.
+
+    Args:
+        ts: Increasing time stamps [s].
+        resample: Step of the grid that the recording is brought to [s].
+
+    Returns:
+        The time [s].
+    """
+    usual = float(np.quantile(np.diff(ts), _USUAL, method="lower"))
+    return max(_FAR_LONGER * usual, 2 * (resample or 0.0))
+
+
+def _others(pieces: list[np.ndarray], kept: list[np.ndarray]) -> tuple[int, ...]:
+    """Lengths of the pieces that are not kept."""
+    firsts = {int(piece[0]) for piece in kept}
+    return tuple(len(piece) for piece in pieces if int(piece[0]) not in firsts)

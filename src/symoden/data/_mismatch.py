@@ -1,0 +1,202 @@
+"""Positions and velocities that disagree: wrong units, turned signs, wrong columns, jumps."""
+
+from typing import Final
+
+import numpy as np
+
+from ._facts import Facts
+from ._findings import Finding
+from ._kinematics import UNRELATED, Ratio, jumps, velocity_ratio
+
+AGREES: Final = 0.15  # relative deviation up to which a factor is 1
+_SAME = 0.06  # and up to which it is another known one
+_ELSEWHERE = 0.2  # misfit of another coordinate's velocity that is taken for this one's
+_TURNS = 5  # in both directions without a wrap, beyond which an angle is perhaps in degrees
+_REVERSES = 1.5
+_DEGREES = 180 / np.pi
+
+# Factor of the position's displacement over the integrated velocity: what explains it, and units for both columns.
+_ANGLES: Final = (
+    (_DEGREES, "positions in degrees, velocities in rad/s", '{q} = "deg"'),
+    (1 / _DEGREES, "positions in rad, velocities in degrees per second", '{v} = "deg/s"'),
+    (1 / (2 * np.pi), "positions in turns, velocities in rad/s", '{q} = "rev"'),
+    (2 * np.pi, "positions in rad, velocities in turns per second", '{v} = "rev/s"'),
+    (2 * np.pi / 60, "positions in rad, velocities in turns per minute", '{v} = "rpm"'),
+    (6.0, "positions in degrees, velocities in turns per minute", '{q} = "deg", {v} = "rpm"'),
+)
+_LENGTHS: Final = (
+    (1000.0, "positions in mm, velocities in m/s", '{q} = "mm"'),
+    (100.0, "positions in cm, velocities in m/s", '{q} = "cm"'),
+    (0.001, "positions in m, velocities in mm/s", '{v} = "mm/s"'),
+    (0.01, "positions in m, velocities in cm/s", '{v} = "cm/s"'),
+)
+
+
+def find_mismatches(facts: Facts) -> list[Finding]:
+    """Find units, signs and columns that cannot be right, and jumps of positions.
+
+    Args:
+        facts: Facts of a log.
+
+    Returns:
+        The findings.
+    """
+    found: list[Finding] = []
+    for i in range(facts.q.shape[1]):
+        ratio = facts.ratios[i] if facts.ratios else None
+        of_ratio = _of_ratio(facts, i, ratio) if ratio is not None and ratio.known else []
+        found.extend(of_ratio or _in_degrees(facts, i) or _jumps(facts, i))
+    return found
+
+
+def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
+    """A factor other than 1 between the derivative of a position and its velocity, or none at all."""
+    q, v = facts.positions[i].name, facts.rates[i].name
+    factor, size = ratio.factor, abs(ratio.factor)
+    if abs(factor - 1) < AGREES and ratio.misfit <= UNRELATED:
+        return []
+    other = _real_velocity(facts, i)
+    if other is not None or ratio.misfit > UNRELATED:
+        return [_unrelated(q, v, other)]
+    said = f"the derivative of `{q}` is {factor:.3g} times `{v}`"
+    if abs(size - 1) < AGREES:
+        return [
+            Finding(
+                kind="sign",
+                level="warning",
+                channel=v,
+                text=f"{said}: opposite directions",
+                advice=f"Turn the wrong one round, by `units = {{{_key(v)} = -1}}` or `units = {{{_key(q)} = -1}}`, "
+                "and look at the directions of the inputs too.",
+            )
+        ]
+    for known, what, units in _ANGLES if facts.is_angle[i] else _LENGTHS:
+        if abs(size / known - 1) < _SAME:
+            keys = units.format(q=_key(q), v=_key(v))
+            turned = " One of them has the opposite direction as well." if factor < 0 else ""
+            return [
+                Finding(
+                    kind="unit",
+                    level="warning",
+                    channel=q,
+                    text=f"{said}, as it is for {what}",
+                    advice=f"Write `units = {{{keys}}}` into the description.{turned}",
+                )
+            ]
+    return [
+        Finding(
+            kind="unit",
+            level="warning",
+            channel=v,
+            text=f"{said}: another unit, a gear between the two sensors, or wrong time stamps?",
+            advice=f"If `{q}` is right, write `units = {{{_key(v)} = {factor:.4g}}}`; otherwise correct the factor of "
+            f"`{q}`, or of the time stamps.",
+        )
+    ]
+
+
+def _real_velocity(facts: Facts, i: int) -> str | None:
+    """Name of another coordinate's velocity that is the derivative of position i."""
+    for j, rate in enumerate(facts.rates):
+        if j == i or facts.v is None:
+            continue
+        accuracy = facts.positions[i].accuracy, rate.accuracy
+        other = velocity_ratio(facts.ts, facts.q[:, i], facts.v[:, j], longest=facts.longest, accuracy=accuracy)
+        if other.known and other.misfit < _ELSEWHERE and abs(other.factor - 1) < AGREES:
+            return rate.name
+    return None
+
+
+def _unrelated(q: str, v: str, other: str | None) -> Finding:
+    """A velocity that is not that of its position; perhaps it is another one's."""
+    return Finding(
+        kind="velocity",
+        level="warning",
+        channel=v,
+        text=f"`{v}` is not the derivative of `{q}`" + (f", but `{other}` is" if other else ""),
+        advice="Put `velocities` into the order of `positions`."
+        if other
+        else "Correct `positions` and `velocities`, or leave `velocities` out: they are then estimated.",
+    )
+
+
+def _in_degrees(facts: Facts, i: int) -> list[Finding]:
+    """An angle that turns back and forth further than joints do."""
+    position = facts.positions[i]
+    way = float(np.abs(np.diff(facts.q[:, i])).sum())
+    if not facts.is_angle[i] or position.span < 2 * np.pi * _TURNS or way < _REVERSES * position.span:
+        return []
+    keys = f'{_key(position.name)} = "deg"'
+    if facts.rates:
+        keys += f', {_key(facts.rates[i].name)} = "deg/s"'
+    return [
+        Finding(
+            kind="unit",
+            level="warning",
+            channel=position.name,
+            text=f"`{position.name}` moves back and forth over {position.span:.4g} rad, "
+            f"{position.span / (2 * np.pi):.3g} turns: degrees?",
+            advice=f"If so, write `units = {{{keys}}}` into the description. If the joint turns so far, nothing need "
+            "be done.",
+        )
+    ]
+
+
+def _jumps(facts: Facts, i: int) -> list[Finding]:
+    """Jumps by a turn, and by something else."""
+    name = facts.positions[i].name
+    turns, others = jumps(facts.ts, facts.q[:, i], longest=facts.longest)
+    found = []
+    if len(turns) and facts.is_angle[i]:
+        found.append(
+            Finding(
+                kind="wrap",
+                level="note",
+                channel=name,
+                text=f"`{name}` jumps by 2π {len(turns)} times, first at {facts.ts[turns[0] + 1]:.6g} s: taken for "
+                "wraps of the angle, and removed",
+                advice="Nothing need be done.",
+                spans=_at(facts, turns),
+            )
+        )
+    elif len(turns) and not len(others) and _quiet(facts.q[:, i], turns):
+        found.append(
+            Finding(
+                kind="wrap",
+                level="warning",
+                channel=name,
+                text=f"`{name}` jumps by 2π {len(turns)} times, first at {facts.ts[turns[0] + 1]:.6g} s, as a wrapped "
+                "angle does, but the description calls it a length",
+                advice="If it is an angle, give its factor of `space` the letter T instead of R.",
+                spans=_at(facts, turns),
+            )
+        )
+    if len(others) and facts.is_angle[i]:
+        found.append(
+            Finding(
+                kind="jump",
+                level="warning",
+                channel=name,
+                text=f"`{name}` jumps by more than half a turn, but not a whole one, {len(others)} times, first at "
+                f"{facts.ts[others[0] + 1]:.6g} s",
+                advice="An angle must move by less than half a turn between samples: look for outliers, lost samples, "
+                "or another unit (degrees?).",
+                spans=_at(facts, others),
+            )
+        )
+    return found
+
+
+def _quiet(q: np.ndarray, turns: np.ndarray) -> bool:
+    """Whether a position moves little from sample to sample, apart from its jumps."""
+    return float(np.abs(np.delete(np.diff(q), turns)).max(initial=0.0)) < np.pi / 4
+
+
+def _at(facts: Facts, samples: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """The steps after samples, as stretches of time."""
+    return tuple((float(facts.ts[k]), float(facts.ts[k + 1])) for k in samples)
+
+
+def _key(name: str) -> str:
+    """The name as a key of TOML."""
+    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else f'"{name}"'

@@ -1,0 +1,73 @@
+"""From a log to recordings: masked, angles unwrapped, rates completed, inputs delayed, resampled, split."""
+
+import dataclasses
+
+import numpy as np
+
+from ._delay import delay_inputs
+from ._description import Description
+from ._errors import DataError
+from ._logs import Log
+from ._masking import Mask, mask
+from ._resample import resample
+from ._split import segments
+from ._trajectory import Trajectory, refuse_times_out_of_order
+from ._velocities import estimate_velocities
+
+
+def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> tuple[tuple[Trajectory, ...], Mask]:
+    """Make the recordings of a log.
+
+    Args:
+        log: What was logged.
+        description: What it means and what to do with it.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        The recordings, named after the log, with `#1`, `#2`, … where there are several; and what was left out.
+
+    Raises:
+        DataError: If the time stamps do not increase, or too little is left.
+    """
+    refuse_times_out_of_order(log.ts, log.time_column, first_row=log.start)
+    chosen = mask(log, resample=description.resample, delay=max(description.input_delay))
+    if len(chosen.pieces[0]) < 2:
+        raise DataError(
+            f"`{log.path}`: a recording must have at least 2 rows without a missing number; got "
+            f"{len(chosen.pieces[0])} of {len(log)}. {_emptiest(log)}"
+        )
+    split_every = description.parts[log.part].split_every
+    found: list[Trajectory] = []
+    for rows in chosen.pieces:
+        trajectory = _trajectory(log, rows, description, is_angle)
+        found.extend((trajectory,) if split_every is None else segments(trajectory, split_every))
+    if len(found) > 1:
+        found = [dataclasses.replace(each, name=f"{log.name}#{k}") for k, each in enumerate(found, start=1)]
+    return tuple(found), chosen
+
+
+def _trajectory(log: Log, rows: np.ndarray, description: Description, is_angle: np.ndarray) -> Trajectory:
+    """One piece of a log as a recording."""
+    ts, q = log.ts[rows], log.q[rows]
+    q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
+    rates = estimate_velocities(ts, q, name=log.name) if log.rates is None else log.rates[rows]
+    trajectory = Trajectory(
+        name=log.name, ts=ts, q=q, rates=rates, us=log.us[rows], initial_samples=description.initial_samples
+    )
+    trajectory = delay_inputs(trajectory, description.input_delay, hold=description.hold)
+    if description.resample is not None:
+        trajectory = resample(trajectory, description.resample, hold=description.hold)
+    return trajectory
+
+
+def _emptiest(log: Log) -> str:
+    """Name the column that lacks most numbers."""
+    columns = {"time": log.ts[:, None], **log.signals}
+    absent = {
+        log.names[role][i]: int(np.isnan(signal[:, i]).sum())
+        for role, signal in columns.items()
+        if role in log.names
+        for i in range(signal.shape[1])
+    }
+    name = max(absent, key=lambda column: absent[column])
+    return f"Column `{name}` lacks {absent[name]}; leave it or the file out."

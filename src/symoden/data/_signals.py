@@ -1,0 +1,112 @@
+"""Facts of one logged signal: its steps, its noise, whether it stands still or is cut off."""
+
+from typing import Final
+
+import numpy as np
+
+from ._shapes import Times
+
+_ORDER: Final = 5  # Windows of one more sample see no motion that is a polynomial of lower degree.
+_SIGMA: Final = 1.4826  # standard deviation of a Gaussian over the median of its absolute value
+_MODES, _PARTS, _RECURS = 5, 6, 0.003
+_ON_GRID, _NEAR, _TINY = 0.85, 0.1, 1e-3
+_LEAST_CHANGES = 0.05  # share of the samples; a staircase changes more seldom, and is no rounding
+_MOST_LEVELS = 0.8  # levels for each sample; a ramp has one
+_LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
+
+
+def quantum(signal: np.ndarray) -> float:
+    """Step to whose multiples a signal is rounded.
+
+    It is the largest number, among the commonest changes from sample to sample, the smallest that recurs and whole
+    fractions of them, of which 85 % of all changes are multiples.
+
+    Args:
+        signal: Consecutive samples.
+
+    Returns:
+        The step; 0 where there is none, or the signal changes too seldom to tell.
+    """
+    changes = np.abs(np.diff(signal))
+    span = float(np.ptp(signal))
+    changes = changes[changes > 1e-9 * span]
+    if span == 0 or len(changes) < max(10, _LEAST_CHANGES * len(signal)):
+        return 0.0
+    binned = np.round(np.log10(changes), 2)
+    bins, counts = np.unique(binned, return_counts=True)
+    recurs = np.flatnonzero(counts >= max(3.0, _RECURS * len(changes)))[:1]
+    modes = [np.median(changes[binned == bins[i]]) for i in (*np.argsort(counts)[-_MODES:], *recurs)]
+    candidates = sorted({float(mode) / part for mode in modes for part in range(1, _PARTS + 1)}, reverse=True)
+    for step in candidates:
+        whole = changes[changes > _TINY * step] / step
+        near = (np.abs(whole - np.round(whole)) < _NEAR) & (np.round(whole) >= 1)
+        if near.mean() >= _ON_GRID and len(np.unique(np.round(signal / step))) <= _MOST_LEVELS * len(signal):
+            return step
+    return 0.0
+
+
+def noise_level(ts: Times, signal: np.ndarray, *, longest: float) -> float:
+    """Standard deviation of what is too fast for a motion, at uneven time stamps too.
+
+    Divided differences of order 5, scaled to unit weight, vanish on every smooth motion and leave white noise its
+    size; their median does not see single jumps.
+
+    Args:
+        ts: Increasing time stamps [s].
+        signal: Samples.
+        longest: Longest step that is no gap [s]; no window spans a gap.
+
+    Returns:
+        The level; 0 where there are too few samples.
+    """
+    size = _ORDER + 1
+    if len(ts) < 2 * size:
+        return 0.0
+    times = np.lib.stride_tricks.sliding_window_view(ts, size)
+    apart = times[:, :, None] - times[:, None, :] + np.eye(size)
+    weights = 1 / apart.prod(axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    rest = (weights * np.lib.stride_tricks.sliding_window_view(signal, size)).sum(axis=1)
+    rest = rest[(np.diff(times, axis=1) <= longest).all(axis=1)]
+    return _SIGMA * float(np.median(np.abs(rest))) if len(rest) else 0.0
+
+
+def standstills(ts: Times, signal: np.ndarray, *, least: int, longest: float) -> list[tuple[int, int]]:
+    """Stretches of bit-identical samples.
+
+    Args:
+        ts: Increasing time stamps [s].
+        signal: Samples.
+        least: Least number of samples of a stretch.
+        longest: Longest step that is no gap [s]; no stretch spans a gap.
+
+    Returns:
+        First and last sample of each.
+    """
+    edges = np.flatnonzero((np.diff(signal) != 0) | (np.diff(ts) > longest))
+    starts, ends = np.append(0, edges + 1), np.append(edges, len(signal) - 1)
+    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= least]
+
+
+def share_cut_off(signal: np.ndarray) -> float:
+    """Share of samples at the largest or smallest value of a signal that is cut off there.
+
+    A signal is cut off at an extreme value, other than 0, that holds more samples than the 5 % of the range next
+    to it. One with few different values, such as a switched one, is not.
+
+    Args:
+        signal: Samples.
+
+    Returns:
+        The share; 0 where it is not cut off.
+    """
+    span = float(np.ptp(signal))
+    if span == 0 or len(np.unique(signal)) < 10:
+        return 0.0
+    total = 0.0
+    for depth, extreme in ((signal.max() - signal, signal.max()), (signal - signal.min(), signal.min())):
+        at = float((depth <= 1e-6 * span).mean())
+        beside = float(((depth > 1e-6 * span) & (depth <= _EDGE * span)).mean())
+        if at >= _LEAST_AT_EXTREME and at > beside and abs(extreme) > 1e-6 * span:
+            total += at
+    return total

@@ -1,0 +1,97 @@
+"""Units that a description may name, as factors to SI and rad."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from ._errors import listing, nearest
+from ._readers import Rows, Selector, variable_of
+
+UNITS: Final[Mapping[str, float]] = MappingProxyType(
+    {
+        "rad": 1.0,
+        "deg": math.pi / 180,
+        "rev": 2 * math.pi,
+        "rad/s": 1.0,
+        "deg/s": math.pi / 180,
+        "rev/s": 2 * math.pi,
+        "rpm": 2 * math.pi / 60,
+        "m": 1.0,
+        "cm": 1e-2,
+        "mm": 1e-3,
+        "m/s": 1.0,
+        "cm/s": 1e-2,
+        "mm/s": 1e-3,
+        "N": 1.0,
+        "kN": 1e3,
+        "Nm": 1.0,
+        "Ncm": 1e-2,
+        "mNm": 1e-3,
+        "s": 1.0,
+        "ms": 1e-3,
+        "us": 1e-6,
+        "ns": 1e-9,
+    }
+)
+
+
+def factor_of(unit: object) -> float:
+    """Factor that brings numbers in a unit to SI or rad.
+
+    Args:
+        unit: Name of a unit, or the factor itself, which may be negative: it turns a direction round.
+
+    Returns:
+        The factor.
+
+    Raises:
+        ValueError: If it is neither; the message goes on from the name of a key.
+    """
+    if isinstance(unit, str):
+        plain = unit.replace(" ", "").replace("·", "").replace("*", "").replace("°", "deg").replace("µ", "u")
+        if plain not in UNITS:
+            raise ValueError(
+                f"must give for each column a factor or one of the units {listing(UNITS)}.{nearest(unit, UNITS)} "
+                "For another unit, write the factor to SI"
+            )
+        return UNITS[plain]
+    if isinstance(unit, int | float) and not isinstance(unit, bool) and math.isfinite(unit) and unit != 0:
+        return float(unit)
+    raise ValueError("must give for each column the name of a unit, or a factor: a finite number other than 0")
+
+
+def is_named(column: str, selectors: Mapping[str, Selector]) -> bool:
+    """Whether a key of `units` stands for something that is read.
+
+    Args:
+        column: The key: a column, a variable, or `variable[column]`.
+        selectors: What is read, by role.
+
+    Returns:
+        Whether it does.
+    """
+    names = {name for each in selectors.values() for name in ((each,) if isinstance(each, str) else each)}
+    return column in names or variable_of(column) in names or column in {variable_of(name) for name in names}
+
+
+def in_si(rows: Rows, units: Mapping[str, float]) -> Rows:
+    """Multiply what was read by the factors of its columns.
+
+    Args:
+        rows: Rows as they are in the file.
+        units: Factors by the name of a column, or by the name of a variable for all its columns; a column's own wins.
+
+    Returns:
+        The rows in SI and rad.
+    """
+    if not units:
+        return rows
+    signals = {
+        role: signal * np.array([units.get(name, units.get(variable_of(name), 1.0)) for name in rows.names[role]])
+        for role, signal in rows.signals.items()
+    }
+    return dataclasses.replace(rows, signals=signals)

@@ -1,0 +1,116 @@
+"""What is read arrives in SI and rad, column by column."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.data import DataError, read_dataset
+from symoden.data._description import read_description
+from symoden.data._units import UNITS, factor_of
+
+TEXT = """
+space = "T2"
+{units}
+time = "t"
+positions = {positions}
+velocities = "v"
+inputs = ["u"]
+[train]
+files = ["a.npz"]
+"""
+
+
+def described(tmp_path, units, positions='"q"'):
+    path = tmp_path / "arm.toml"
+    path.write_text(TEXT.format(units=f"units = {{{units}}}", positions=positions), encoding="utf-8")
+    return path
+
+
+def write_run(tmp_path, factors=(1.0, 1.0, 1.0, 1.0)):
+    t = np.linspace(0.0, 4.0, 401)
+    q = np.stack([np.sin(2 * t), np.cos(3 * t)], axis=1)
+    v = np.stack([2 * np.cos(2 * t), -3 * np.sin(3 * t)], axis=1)
+    f = factors
+    np.savez(tmp_path / "a.npz", t=t / f[0], q=q / f[1], v=v / f[2], u=np.sin(t) / f[3])
+    return t, q, v, np.sin(t)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        ("deg", math.pi / 180),
+        ("rpm", math.pi / 30),
+        ("rev/s", 2 * math.pi),
+        ("mm", 1e-3),
+        ("m N m", 1e-3),
+        ("N·m", 1.0),
+    ],
+)
+def test_names_stand_for_factors(unit, factor):
+    assert factor_of(unit) == pytest.approx(factor, rel=1e-15)
+
+
+@given(factors=st.tuples(*[st.floats(1e-3, 1e3)] * 3), sign=st.sampled_from([-1, 1]))
+def test_what_was_divided_on_the_way_out_is_multiplied_on_the_way_in(tmp_path_factory, factors, sign):
+    folder = tmp_path_factory.mktemp("units")
+    time, rate, force = factors
+    t, q, v, u = write_run(folder, (time, math.pi / 180, rate, sign * force))
+    units = f't = {time!r}, q = "deg", v = {rate!r}, u = {sign * force!r}'
+    run = read_dataset(described(folder, units)).train[0]
+    np.testing.assert_allclose(run.ts, t, rtol=1e-12)
+    np.testing.assert_allclose(run.q, q, atol=1e-12)
+    np.testing.assert_allclose(run.rates, v, atol=1e-12)
+    np.testing.assert_allclose(run.us[:, 0], u, atol=1e-12)
+
+
+def test_a_column_of_a_variable_has_its_own_unit(tmp_path):
+    _, q, v, _ = write_run(tmp_path)
+    file = dict(np.load(tmp_path / "a.npz"))
+    file["q"] = file["q"] / [math.pi / 180, 1.0]
+    file["v"] = file["v"] / [math.pi / 180, -2.0]
+    np.savez(tmp_path / "a.npz", **file)
+    for positions in ('"q"', '["q[0]", "q[1]"]'):
+        path = described(tmp_path, '"q[0]" = "deg", v = "deg/s", "v[1]" = -2', positions)
+        run = read_dataset(path).train[0]
+        np.testing.assert_allclose(run.q, q, atol=1e-12)
+        np.testing.assert_allclose(run.rates, v, atol=1e-12)
+
+
+def test_degrees_are_unwrapped_as_angles(tmp_path):
+    t = np.linspace(0.0, 2.0, 201)
+    q = np.stack([10 * t, -7 * t], axis=1)
+    shown = np.mod(np.degrees(q), 360)
+    np.savez(tmp_path / "a.npz", t=t, q=shown, v=np.full((201, 2), [10.0, -7.0]), u=t)
+    run = read_dataset(described(tmp_path, 'q = "deg"')).train[0]
+    np.testing.assert_allclose(run.q - run.q[0], q, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("units", "message"),
+    [
+        ('w = "deg"', r"`units` must name columns that are read; got `w`\..* These are `t, q, v, u`"),
+        (
+            'q = "degree"',
+            r"`units` must give for each column a factor or one of the units `rad, deg.*Did you mean `deg`",
+        ),
+        ("q = 0", "`units` must give for each column the name of a unit, or a factor: a finite number other than 0"),
+        ("q = true", "`units` must give for each column the name of a unit"),
+        ("q = [1, 2]", "`units` must give for each column the name of a unit"),
+    ],
+)
+def test_what_is_no_unit_is_refused(tmp_path, units, message):
+    with pytest.raises(DataError, match=message):
+        read_description(described(tmp_path, units))
+
+
+def test_units_are_a_table(tmp_path):
+    path = described(tmp_path, "q = 1")
+    path.write_text(path.read_text().replace("units = {q = 1}", 'units = "deg"'))
+    with pytest.raises(DataError, match="`units` must be a table of columns"):
+        read_description(path)
+
+
+def test_every_unit_is_a_positive_factor():
+    assert all(factor > 0 for factor in UNITS.values())
