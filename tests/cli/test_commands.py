@@ -90,11 +90,14 @@ def test_inspect_keeps_the_contract(arm_run, capsys):
         "space",
         "parameters",
         "anchor",
+        "given",
+        "identified",
         "mass_matrix_eigenvalues",
         "dissipation_eigenvalues",
         "audit",
     ]
     assert (found["space"], found["anchor"]) == ("T1", "input_matrix given")
+    assert (found["given"], found["identified"]) == ({"input_matrix": "given"}, {})
     assert 0 < found["mass_matrix_eigenvalues"]["min"] <= found["mass_matrix_eigenvalues"]["max"]
     assert found["audit"]["split"] == "test"
     assert found["audit"]["rollout_violation"] < 1e-6

@@ -1,20 +1,35 @@
-"""What fills M⁻¹, V, g and D: networks, learned constants, known functions; positive (semi)definite by Cholesky factor.
+"""What fills M⁻¹, V, g and D: networks, learned constants, formulas; positive (semi)definite by Cholesky factor.
 
 A *function* maps a configuration to a flat vector of coefficients; a *block* gives those coefficients their shape,
 their sign and their physical scale. Every function goes into every block.
 """
 
+from ._corrected import (
+    Congruence as Congruence,
+    CorrectedBlock as CorrectedBlock,
+    CorrectedFriction as CorrectedFriction,
+    CorrectedMatrix as CorrectedMatrix,
+)
 from ._fields import (
     AbstractBlock as AbstractBlock,
     CholeskyBlock as CholeskyBlock,
+    InverseBlock as InverseBlock,
     KnownFunction as KnownFunction,
     KnownValue as KnownValue,
     MatrixBlock as MatrixBlock,
     ScalarBlock as ScalarBlock,
 )
+from ._formulas import (
+    Formula as Formula,
+    FormulaBlock as FormulaBlock,
+    FormulaFriction as FormulaFriction,
+    Parameters as Parameters,
+    with_parameters as with_parameters,
+)
 from ._friction import (
     AbstractFriction as AbstractFriction,
     JointFriction as JointFriction,
+    KnownFriction as KnownFriction,
     NoFriction as NoFriction,
     ViscousFriction as ViscousFriction,
 )
@@ -29,7 +44,11 @@ from ._functions import (
 )
 from ._known import Known as Known
 from ._trainable import count_parameters as count_parameters, trainable as trainable
-from ._triangles import identity_triangle as identity_triangle, lower_triangle as lower_triangle
+from ._triangles import (
+    identity_triangle as identity_triangle,
+    inverse_of_positive as inverse_of_positive,
+    lower_triangle as lower_triangle,
+)
 
 __all__ = [
     "ACTIVATIONS",
@@ -37,21 +56,33 @@ __all__ = [
     "AbstractFriction",
     "AbstractFunction",
     "CholeskyBlock",
+    "Congruence",
     "Constant",
+    "CorrectedBlock",
+    "CorrectedFriction",
+    "CorrectedMatrix",
     "Correction",
+    "Formula",
+    "FormulaBlock",
+    "FormulaFriction",
+    "InverseBlock",
     "JointFriction",
     "Known",
+    "KnownFriction",
     "KnownFunction",
     "KnownValue",
     "MatrixBlock",
     "Network",
     "NoFriction",
+    "Parameters",
     "Perceptron",
     "ScalarBlock",
     "Sum",
     "ViscousFriction",
     "count_parameters",
     "identity_triangle",
+    "inverse_of_positive",
     "lower_triangle",
     "trainable",
+    "with_parameters",
 ]

@@ -8,11 +8,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from symoden.shapes import Coordinates, DissipationMatrix, Scalar
+from symoden.shapes import Coordinates, DissipationMatrix, Scalar, SquareMatrix
 
 from ._functions import AbstractFunction
 from ._known import Known
-from ._triangles import lower_triangle
+from ._triangles import inverse_of_positive, lower_triangle
 
 
 class AbstractBlock(eqx.Module):
@@ -117,3 +117,18 @@ class CholeskyBlock(AbstractBlock):
         scale = self.scale.value
         factor = scale[:, None] * lower_triangle(self.function(q), size=scale.shape[0])
         return factor @ factor.T + jnp.diag(self.floor * scale**2)
+
+
+@final
+class InverseBlock(AbstractBlock):
+    """The inverse of a matrix field: M⁻¹ where M is given.
+
+    Attributes:
+        matrix: The field; NaN comes out where it is not symmetric positive definite.
+    """
+
+    matrix: AbstractBlock
+
+    def __call__(self, q: Coordinates) -> SquareMatrix:
+        """Inverse matrix at `q`."""
+        return inverse_of_positive(self.matrix(q))

@@ -1,6 +1,7 @@
 """Friction: dissipation matrices of configuration and velocity, passive by construction."""
 
 import abc
+from collections.abc import Callable
 from typing import final
 
 import equinox as eqx
@@ -80,6 +81,21 @@ class JointFriction(AbstractFriction):
         triangle = lower_triangle(self.viscous(q), size=w.shape[0]) + jnp.diag(joint)
         factor = self.scale.value[:, None] * triangle
         return factor @ factor.T
+
+
+@final
+class KnownFriction(AbstractFriction):
+    """A given function of configuration and velocity.
+
+    Attributes:
+        function: Maps (q, v) to D in physical units. It is code, hence not saved with a model.
+    """
+
+    function: Callable[[Coordinates, Velocities], DissipationMatrix] = eqx.field(static=True)
+
+    def __call__(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
+        """Matrix at the configuration `q` and the velocity `v`."""
+        return self.function(q, v)
 
 
 @final

@@ -27,13 +27,14 @@ def trainable(model: PyTree, *, corrections: bool = True) -> PyTree:
     )
 
 
-def count_parameters(model: PyTree) -> int:
+def count_parameters(model: PyTree, *, corrections: bool = True) -> int:
     """Number of trainable parameters.
 
     Args:
         model: Any tree of modules.
+        corrections: Whether those of terms marked as `Correction` count.
 
     Returns:
-        Number of scalars that training may change, corrections included.
+        Number of scalars that training may change.
     """
-    return sum(leaf.size for leaf in jax.tree.leaves(eqx.filter(model, trainable(model))))
+    return sum(leaf.size for leaf in jax.tree.leaves(eqx.filter(model, trainable(model, corrections=corrections))))

@@ -1,11 +1,14 @@
 """Lower triangles as flat vectors of their entries, row by row."""
 
 import jax.numpy as jnp
+import jax.scipy as jsp
 import numpy as np
 
-from symoden.shapes import SquareMatrix
+from symoden.shapes import Scalar, SquareMatrix
 
 from ._functions import Coefficients
+
+_UNROLLED = 4
 
 
 def lower_triangle(coefficients: Coefficients, *, size: int) -> SquareMatrix:
@@ -31,3 +34,38 @@ def lower_triangle(coefficients: Coefficients, *, size: int) -> SquareMatrix:
 def identity_triangle(size: int) -> np.ndarray:
     """Entries of the identity's Cholesky factor, as `lower_triangle` reads them."""
     return np.eye(size)[np.tril_indices(size)]
+
+
+def inverse_of_positive(matrix: SquareMatrix) -> SquareMatrix:
+    """Invert a symmetric positive definite matrix by its Cholesky factor; NaN where it is not positive definite.
+
+    Small factorizations are written out, which XLA fuses with the rest.
+
+    Args:
+        matrix: The matrix; its lower triangle is read.
+
+    Returns:
+        The inverse, symmetric.
+
+    Example:
+        >>> inverse_of_positive(jnp.array([[4.0, 0.0], [0.0, 2.0]])).tolist()
+        [[0.25, 0.0], [0.0, 0.5]]
+    """
+    n = matrix.shape[0]
+    identity = jnp.eye(n, dtype=matrix.dtype)
+    if n > _UNROLLED:
+        inverse = jsp.linalg.cho_solve((jnp.linalg.cholesky(matrix), True), identity)
+        return (inverse + inverse.T) / 2
+    L: dict[tuple[int, int], Scalar] = {}
+    W: dict[tuple[int, int], Scalar] = {}  # L⁻¹
+    zero = jnp.zeros((), matrix.dtype)
+    for j in range(n):
+        for i in range(j, n):
+            rest = matrix[i, j] - sum((L[i, k] * L[j, k] for k in range(j)), start=zero)
+            L[i, j] = jnp.sqrt(rest) if i == j else rest / L[j, j]
+    for i in range(n):
+        W[i, i] = 1 / L[i, i]
+        for j in range(i):
+            W[i, j] = -W[i, i] * sum((L[i, k] * W[k, j] for k in range(j, i)), start=zero)
+    rows = jnp.stack([jnp.stack([W.get((i, j), zero) for j in range(n)]) for i in range(n)])
+    return rows.T @ rows

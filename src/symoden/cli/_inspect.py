@@ -43,6 +43,10 @@ def run(command: Inspect) -> None:
     print(f"{command.run}: {config.model.kind} model of {config.source}, space {found.space}")
     print(f"parameters: {found.parameters}")
     print(f"what fixes the scale: {found.anchor}")
+    for name, how in found.given.items():
+        print(f"{name}: {how}")
+    if found.identified:
+        print_table("identified parameters", ("name", "value"), [[*item] for item in found.identified.items()])
     for name, extremes in (("M", found.mass_matrix_eigenvalues), ("D", found.dissipation_eigenvalues)):
         where = (
             "does not apply: this kind of model has none"
@@ -83,6 +87,8 @@ def _as_json(found: Inspection, audited: dict[str, object]) -> dict[str, object]
         "space": found.space,
         "parameters": found.parameters,
         "anchor": found.anchor,
+        "given": found.given,
+        "identified": found.identified,
         "mass_matrix_eigenvalues": extremes(found.mass_matrix_eigenvalues),
         "dissipation_eigenvalues": extremes(found.dissipation_eigenvalues),
         "audit": audited,

@@ -5,6 +5,8 @@ from typing import Literal
 
 import numpy as np
 
+from symoden.known import KnownParts
+
 from ._errors import DataError
 from ._trajectory import Trajectory, finite_numbers
 
@@ -22,6 +24,7 @@ class Dataset:
         momenta: Whether `rates` are momenta rather than velocities.
         hold: What an input is between samples: constant ("zero") or a straight line ("linear").
         input_matrix: Known g (n × m), which fixes the scale of inertia, energy and friction; absent if unknown.
+        known: Parts of the mechanism that are given as formulas or functions, or up to parameters.
         position_names: Names of the columns of `q`.
         input_names: Names of the columns of `us`.
 
@@ -42,6 +45,7 @@ class Dataset:
     momenta: bool = False
     hold: Literal["zero", "linear"] = "zero"
     input_matrix: np.ndarray | None = None
+    known: KnownParts | None = None
     position_names: tuple[str, ...] = ()
     input_names: tuple[str, ...] = ()
 
@@ -66,6 +70,11 @@ class Dataset:
                     f"got {matrix.shape[0]} × {matrix.shape[1]}."
                 )
             object.__setattr__(self, "input_matrix", matrix)
+            if self.known is not None and self.known.input_matrix is not None:
+                raise DataError(
+                    f"`{self.name}`: `input_matrix` must be given once; got it by itself and among the known parts. "
+                    "Remove one of them."
+                )
         for field, letter, count in (("position_names", "q", self.size), ("input_names", "u", self.inputs)):
             names = getattr(self, field) or tuple(f"{letter}{i + 1}" for i in range(count))
             if len(names) != count:

@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, NoReturn, TypeAlias
 
+from symoden.known import KnownParts
+
 from ._errors import DataError, listing, nearest
+from ._known import read_known
 from ._readers import Selector
 from ._units import factor_of, is_named
 
@@ -49,6 +52,7 @@ class Description:
         resample: Step of the uniform grid to bring recordings to [s].
         input_matrix: Known g, row by row.
         initial_samples: Samples of a recording, after resampling, that may be used to find its first state.
+        known: Parts of the mechanism that are given.
         train: Part to learn from.
         test: Part for the final score.
         validation: Part for choices during training.
@@ -67,6 +71,7 @@ class Description:
     resample: float | None = None
     input_matrix: tuple[tuple[float, ...], ...] | None = None
     initial_samples: int = 1
+    known: KnownParts | None = None
     train: Part | None = None
     test: Part | None = None
     validation: Part | None = None
@@ -113,6 +118,8 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
         for name in _PARTS
         if name in table
     }
+    if "known" in table:
+        parts["known"] = read_known(path, table.pop("known"))
     if space is not None:
         table["space"] = space
     values = _checked(path, "", table, _KEYS, required=("space", "positions"))
@@ -129,7 +136,7 @@ def _checked(
         raise DataError(f"`{path}`: {where}must be a table; got {table!r}.")
     for key in table:
         if key not in keys:
-            known = (*keys, *_PARTS) if not where else tuple(keys)
+            known = (*keys, "known", *_PARTS) if not where else tuple(keys)
             raise DataError(
                 f"`{path}`: {where or 'a description '}has no key `{key}`.{nearest(key, known)} "
                 f"The keys are {listing(known)}."

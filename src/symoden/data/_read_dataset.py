@@ -82,6 +82,7 @@ def assemble(
         momenta=description.momenta is not None,
         hold=description.hold,
         input_matrix=None if description.input_matrix is None else np.array(description.input_matrix),
+        known=description.known,
         position_names=logs[0].names["positions"],
         input_names=logs[0].names["inputs"],
     )

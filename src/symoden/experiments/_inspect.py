@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import KnownValue, count_parameters
+from symoden.blocks import count_parameters
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
-from symoden.models import GeometricModel, StructuredModel, UnstructuredModel
+from symoden.models import GeometricModel, Given, StructuredModel, given_parts, parts_that_fix_the_scale
 from symoden.shapes import Coordinates, Rates
 
 from ._ranges import Ranges
@@ -66,6 +66,8 @@ class Inspection:
         space: Configuration space.
         parameters: Number of parameters.
         anchor: What fixes the scale of inertia, energy and friction.
+        given: Parts that were given, and how much of them.
+        identified: Values of the parameters of given formulas, by name.
         mass_matrix_eigenvalues: Least and largest over the data's range; None for a model without inertia.
         dissipation_eigenvalues: The same of D.
         profiles: Blocks along every coordinate.
@@ -76,6 +78,8 @@ class Inspection:
     space: str
     parameters: int
     anchor: str
+    given: dict[str, Given]
+    identified: dict[str, float]
     mass_matrix_eigenvalues: tuple[float, float] | None
     dissipation_eigenvalues: tuple[float, float] | None
     profiles: tuple[Profile, ...]
@@ -113,6 +117,8 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
         space=str(model.space),
         parameters=count_parameters(model),
         anchor=anchor(model),
+        given=given_parts(model),
+        identified=identified_parameters(model),
         mass_matrix_eigenvalues=mass,
         dissipation_eigenvalues=dissipation,
         profiles=tuple(_profile(model, i, grid, middle, speeds) for i, grid in enumerate(grids)),
@@ -130,9 +136,25 @@ def anchor(model: AbstractDynamics) -> str:
     Returns:
         What fixes it, in words.
     """
-    if isinstance(model, StructuredModel | UnstructuredModel) and isinstance(model.actuation, KnownValue):
-        return "input_matrix given"
+    fixed = parts_that_fix_the_scale(model)
+    if fixed:
+        return f"{', '.join(fixed)} given"
     return "momenta measured" if model.momenta else "none: only ratios are known"
+
+
+def identified_parameters(model: AbstractDynamics) -> dict[str, float]:
+    """Values of the parameters that given formulas left open.
+
+    Args:
+        model: Learned model.
+
+    Returns:
+        Values in physical units by name; none for a model without such formulas.
+    """
+    if not isinstance(model, StructuredModel) or model.parameters is None:
+        return {}
+    values = np.asarray(model.parameters.values, float).tolist()
+    return dict(zip(model.parameters.names, values, strict=True))
 
 
 def _position_range(model: AbstractDynamics, ranges: Ranges) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:

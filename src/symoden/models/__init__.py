@@ -5,6 +5,12 @@ from ._build import KINDS as KINDS, BlockConfig as BlockConfig, Kind as Kind, Mo
 from ._embedded import embedded_vector_field as embedded_vector_field
 from ._files import load as load, save as save
 from ._gauge import rescale as rescale
+from ._given import Given as Given, given_parts as given_parts, parts_that_fix_the_scale as parts_that_fix_the_scale
+from ._known_data import (
+    KnownMagnitudes as KnownMagnitudes,
+    check_known as check_known,
+    known_magnitudes as known_magnitudes,
+)
 from ._scales import Scales as Scales
 from ._structured import StructuredModel as StructuredModel
 from ._unstructured import UnstructuredModel as UnstructuredModel
@@ -13,15 +19,21 @@ __all__ = [
     "KINDS",
     "BlockConfig",
     "GeometricModel",
+    "Given",
     "Kind",
+    "KnownMagnitudes",
     "ModelConfig",
     "NaiveModel",
     "Scales",
     "StructuredModel",
     "UnstructuredModel",
     "build",
+    "check_known",
     "embedded_vector_field",
+    "given_parts",
+    "known_magnitudes",
     "load",
+    "parts_that_fix_the_scale",
     "rescale",
     "save",
 ]

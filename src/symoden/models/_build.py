@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +14,7 @@ from symoden.blocks import (
     AbstractFriction,
     AbstractFunction,
     CholeskyBlock,
+    Congruence,
     Constant,
     Correction,
     JointFriction,
@@ -27,10 +29,12 @@ from symoden.blocks import (
     ViscousFriction,
     identity_triangle,
 )
+from symoden.known import KnownParts
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 
 from ._baselines import GeometricModel, NaiveModel
+from ._known import Corrections, insert_known
 from ._scales import Scales
 from ._structured import StructuredModel
 from ._unstructured import UnstructuredModel
@@ -118,6 +122,7 @@ def build(
     momenta: bool = False,
     scales: Scales | None = None,
     input_matrix: np.ndarray | None = None,
+    known: KnownParts | None = None,
     key: PRNGKeyArray,
 ) -> AbstractDynamics:
     """Make an untrained model.
@@ -129,13 +134,14 @@ def build(
         momenta: Whether the rates in the data are momenta rather than velocities.
         scales: Natural units; ones if absent.
         input_matrix: The n × m matrix g where it is known; it fixes the scale of the energy.
+        known: Parts of the mechanism that are given; for the kinds "dissipative" and "symoden".
         key: Source of the weights.
 
     Returns:
         The model, a PyTree.
 
     Raises:
-        ValueError: If `input_matrix` is not n × m.
+        ValueError: If `input_matrix` is not n × m, or what is given does not fit the kind, the space or the inputs.
 
     Example:
         >>> model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
@@ -146,6 +152,8 @@ def build(
         raise ValueError(
             f"`input_matrix` must be coordinates × inputs, {space.size} × {inputs}; got {np.shape(input_matrix)}."
         )
+    if known is not None:
+        _refuse_unused(config, known)
     maker = _Maker(config, space, inputs, momenta, scales or Scales.units(space, inputs), input_matrix)
     mass_key, energy_key, actuation_key, friction_key = jax.random.split(key, 4)
     common = {"space": space, "inputs": inputs, "momenta": momenta}
@@ -169,18 +177,35 @@ def build(
                 friction=maker.friction(friction_key),
             )
         case "dissipative" | "symoden":
-            return StructuredModel(
+            model = StructuredModel(
                 **common,
                 inverse_mass=maker.inverse_mass(mass_key),
                 potential=maker.potential(energy_key),
                 actuation=maker.actuation(actuation_key),
                 friction=NoFriction() if config.kind == "symoden" else maker.friction(friction_key),
             )
+            return model if known is None else insert_known(model, known, maker.corrections(jax.random.fold_in(key, 4)))
+
+
+def _refuse_unused(config: ModelConfig, known: KnownParts) -> None:
+    """Refuse parts that the kind of model does not have."""
+    if config.kind not in ("dissipative", "symoden"):
+        raise ValueError(
+            f"Known parts are for models of the kinds dissipative and symoden; got {config.kind}, which has no such "
+            "parts. Choose one of these, or data described without them."
+        )
+    if config.kind == "symoden" and known.dissipation_matrix is not None:
+        raise ValueError("A model of the kind symoden has no friction; got a known `dissipation_matrix`. Remove it.")
 
 
 def _known(values: np.ndarray | float) -> Known:
     """Constant in the default precision."""
     return Known(jnp.asarray(values, float))
+
+
+def _silenced(perceptron: Perceptron) -> Perceptron:
+    """The same network with an output of zero."""
+    return eqx.tree_at(lambda p: p.weights[-1], perceptron, jnp.zeros_like(perceptron.weights[-1]))
 
 
 @dataclass(frozen=True)
@@ -236,6 +261,25 @@ class _Maker:
             knees=self.config.knees,
         )
 
+    def corrections(self, key: PRNGKeyArray) -> Corrections:
+        """What corrects given parts that are only nearly right."""
+        n, s = self.space.size, self.scales
+        keys, mass = jax.random.split(key, 4), np.sqrt(s.momentum / s.velocity)
+
+        def silent(config: BlockConfig, size: int, key: PRNGKeyArray) -> Correction:
+            perceptron = self._perceptron(self._standard(), config.hidden or (8,), size, key=key)
+            return Correction(Network(self.space, _silenced(perceptron)))
+
+        triangle = n * (n + 1) // 2
+        return Corrections(
+            mass=Congruence(silent(self.config.inverse_mass, triangle, keys[0]), _known(mass)),
+            potential=ScalarBlock(silent(self.config.potential, 1, keys[1]), _known(s.energy)),
+            actuation=MatrixBlock(
+                silent(self.config.actuation, n * self.inputs, keys[2]), _known(np.outer(s.force, 1 / s.input))
+            ),
+            friction=Congruence(silent(self.config.friction, triangle, keys[3]), _known(np.sqrt(s.force / s.velocity))),
+        )
+
     def energy(self, key: PRNGKeyArray) -> Perceptron:
         """H as a network of (embedded q, p)."""
         return self._perceptron(self._standard(self.scales.momentum), self.config.energy, 1, key=key)
@@ -285,14 +329,7 @@ class _Maker:
             return constant
         perceptron = self._perceptron(self._standard(), config.hidden, size, key=key)
         if config.constant:
-            silent = Perceptron(
-                weights=(*perceptron.weights[:-1], jnp.zeros_like(perceptron.weights[-1])),
-                biases=perceptron.biases,
-                center=perceptron.center,
-                scale=perceptron.scale,
-                activation=perceptron.activation,
-            )
-            return Sum((constant, Correction(Network(self.space, silent))))
+            return Sum((constant, Correction(Network(self.space, _silenced(perceptron)))))
         if base is not None and self.config.scaled:
             return Sum((constant, Network(self.space, perceptron)))
         return Network(self.space, perceptron)

@@ -40,6 +40,15 @@ _MODULES: dict[str, type[eqx.Module]] = {
         blocks.ViscousFriction,
         blocks.JointFriction,
         blocks.NoFriction,
+        blocks.Formula,
+        blocks.FormulaBlock,
+        blocks.FormulaFriction,
+        blocks.Parameters,
+        blocks.InverseBlock,
+        blocks.CorrectedBlock,
+        blocks.CorrectedMatrix,
+        blocks.CorrectedFriction,
+        blocks.Congruence,
     )
 }
 
@@ -52,7 +61,8 @@ def save(path: Path | str, model: AbstractDynamics) -> None:
         model: A model composed of this library's blocks.
 
     Raises:
-        StorageError: If the file cannot be written, or the model contains code (a `KnownFunction`) or foreign classes.
+        StorageError: If the file cannot be written, or the model contains code (a given Python function) or foreign
+            classes.
 
     Example:
         >>> import tempfile
@@ -102,7 +112,9 @@ def _describe(node: object, path: str, arrays: dict[str, np.ndarray]) -> Any:  #
     """Structure of a tree as JSON, its arrays being collected by their path."""
     if isinstance(node, eqx.Module) and _MODULES.get(type(node).__name__) is type(node):
         fields = {
-            f.name: _describe(getattr(node, f.name), f"{path}.{f.name}", arrays) for f in dataclasses.fields(node)
+            f.name: _describe(getattr(node, f.name), f"{path}.{f.name}", arrays)
+            for f in dataclasses.fields(node)
+            if f.init  # The others follow from these: a formula's text is kept, and read again.
         }
         return {"module": type(node).__name__, "fields": fields}
     if isinstance(node, tuple):
@@ -114,7 +126,7 @@ def _describe(node: object, path: str, arrays: dict[str, np.ndarray]) -> Any:  #
         return node
     raise StorageError(
         f"`{path}` must be data to be saved; got {type(node).__name__}, which is code. "
-        "Save the weights of the learned blocks and compose the model again after loading."
+        "Give known parts as formulas, or save the weights of the learned blocks and compose the model after loading."
     )
 
 

@@ -11,8 +11,15 @@ from symoden.blocks import (
     AbstractBlock,
     AbstractFriction,
     CholeskyBlock,
+    CorrectedBlock,
+    CorrectedFriction,
+    CorrectedMatrix,
+    FormulaBlock,
+    FormulaFriction,
+    InverseBlock,
     JointFriction,
     Known,
+    KnownFriction,
     KnownFunction,
     KnownValue,
     MatrixBlock,
@@ -85,11 +92,10 @@ def _times(known: Known, factor: float | np.ndarray) -> Known:
 def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
     """Scale a field."""
     match block:
-        case KnownValue():
-            return KnownValue(_times(block.value, factor))
-        case KnownFunction():
-            function = block.function
-            return KnownFunction(lambda q: factor * function(q))
+        case InverseBlock():
+            return InverseBlock(_block(block.matrix, 1 / factor))
+        case KnownValue() | KnownFunction() | FormulaBlock() | CorrectedBlock() | CorrectedMatrix():
+            return _given(block, factor)
         case CholeskyBlock():
             return dataclasses.replace(block, scale=_times(block.scale, math.sqrt(factor)))
         case ScalarBlock() | MatrixBlock():
@@ -97,11 +103,31 @@ def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
     raise ValueError(f"Every block must be one of `symoden.blocks`; got {type(block).__name__}. Scale it yourself.")
 
 
+def _given(
+    block: KnownValue | KnownFunction | FormulaBlock | CorrectedBlock | CorrectedMatrix, factor: float
+) -> AbstractBlock:
+    """Scale a field that was given."""
+    match block:
+        case KnownValue():
+            return KnownValue(_times(block.value, factor))
+        case KnownFunction():
+            function = block.function
+            return KnownFunction(lambda q: factor * function(q))
+        case FormulaBlock():
+            return dataclasses.replace(block, unit=_times(block.unit, factor))
+        case CorrectedBlock():
+            return CorrectedBlock(_block(block.given, factor), _block(block.correction, factor))
+        case CorrectedMatrix():
+            return CorrectedMatrix(_block(block.given, factor), block.correction)
+
+
 def _friction(friction: AbstractFriction, model: StructuredModel | UnstructuredModel, beta: float) -> AbstractFriction:
     """Scale friction: on the momenta by 1/β; on the full state also by β where it acts on ∂H/∂q."""
     match friction:
         case NoFriction():
             return friction
+        case FormulaFriction() | KnownFriction() | CorrectedFriction():
+            return _given_friction(friction, model, beta)
         case JointFriction():
             return dataclasses.replace(friction, scale=_times(friction.scale, beta**-0.5))
         case ViscousFriction(matrix=CholeskyBlock() as matrix) if len(matrix.scale.array) == 2 * model.space.size:
@@ -110,6 +136,22 @@ def _friction(friction: AbstractFriction, model: StructuredModel | UnstructuredM
         case ViscousFriction():
             return ViscousFriction(_block(friction.matrix, 1 / beta))
     raise ValueError(f"Friction must be one of `symoden.blocks`; got {type(friction).__name__}. Scale it yourself.")
+
+
+def _given_friction(
+    friction: FormulaFriction | KnownFriction | CorrectedFriction,
+    model: StructuredModel | UnstructuredModel,
+    beta: float,
+) -> AbstractFriction:
+    """Scale friction that was given."""
+    match friction:
+        case FormulaFriction():
+            return dataclasses.replace(friction, unit=_times(friction.unit, 1 / beta))
+        case KnownFriction():
+            function = friction.function
+            return KnownFriction(lambda q, v: function(q, v) / beta)
+        case CorrectedFriction():
+            return CorrectedFriction(_friction(friction.given, model, beta), friction.correction)
 
 
 def _with_momenta(network: Perceptron, start: int, size: int, factor: float) -> Perceptron:

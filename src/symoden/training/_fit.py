@@ -11,11 +11,11 @@ import numpy as np
 import optax
 from jax.typing import DTypeLike
 
-from symoden.blocks import Correction
+from symoden.blocks import Correction, count_parameters
 from symoden.data import Dataset, split_validation, windows
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
-from symoden.models import ModelConfig, build
+from symoden.models import ModelConfig, build, check_known
 from symoden.spaces import Space
 
 from ._adam import adam
@@ -23,7 +23,7 @@ from ._config import TrainingConfig
 from ._flatten import cast
 from ._problem import Batch, Objective, channel_weights
 from ._run import Journal, Progress, run
-from ._scales import measure_scales, time_scale
+from ._scales import measure_scales, states, time_scale
 from ._stages import AbstractStage, AdamStage, Data, LevenbergStage, TrainingState
 
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
@@ -129,9 +129,13 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
         dataset = split_validation(dataset, config.validation, min_samples=longest + 1)
     space = Space.parse(dataset.space)
+    if dataset.known is not None:
+        check_known(dataset.known, space, dataset.inputs, *states(dataset.train, momenta=dataset.momenta))
     scales = None
     if model.scaled:
-        scales = measure_scales(dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix)
+        scales = measure_scales(
+            dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix, known=dataset.known
+        )
     key = jax.random.key(config.seed)
     candidates = [
         build(
@@ -141,18 +145,23 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
             momenta=dataset.momenta,
             scales=scales,
             input_matrix=dataset.input_matrix,
+            known=dataset.known,
             key=jax.random.fold_in(key, candidate),
         )
         for candidate in range(config.restarts if config.adam_steps else 1)
     ]
     dynamics = candidates[0]
+    if not count_parameters(dynamics):
+        raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
+    free = count_parameters(dynamics, corrections=False) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
-    if config.adam_steps:
+    if config.adam_steps and free:
         data, optimizer = _adam_data(dataset, dynamics, config), _optimizer(config)
         stages.extend(AdamStage(data, config, fresh, optimizer, k) for k, fresh in enumerate(candidates))
     if config.lm_steps:
         data = _levenberg_data(dataset, dynamics, config)
-        stages.append(LevenbergStage(data, config))
+        if free:
+            stages.append(LevenbergStage(data, config))
         if config.growth_steps and _has_corrections(dynamics):
             stages.append(LevenbergStage(data, config, corrections=True))
     state = TrainingState(

@@ -5,23 +5,31 @@ from collections.abc import Sequence
 import numpy as np
 
 from symoden.data import Trajectory
-from symoden.models import Scales
+from symoden.known import KnownParts
+from symoden.models import KnownMagnitudes, Scales, known_magnitudes
 from symoden.spaces import Space
 
 
 def measure_scales(
-    trajectories: Sequence[Trajectory], space: Space, *, momenta: bool, input_matrix: np.ndarray | None = None
+    trajectories: Sequence[Trajectory],
+    space: Space,
+    *,
+    momenta: bool,
+    input_matrix: np.ndarray | None = None,
+    known: KnownParts | None = None,
 ) -> Scales:
     """Typical magnitudes of coordinates, rates, inputs and time.
 
     Velocities in momentum data are differences of the coordinates. With velocity data the unit of momentum is free
-    (the gauge); a known input matrix fixes it through the unit of force, otherwise energies are of order one.
+    (the gauge). A known inertia fixes it, or a force that is known: of the inputs, the potential energy or friction;
+    otherwise energies are of order one.
 
     Args:
         trajectories: Training recordings.
         space: Configuration space of n coordinates.
         momenta: Whether the rates are momenta.
         input_matrix: Known g (n × m), if any.
+        known: Parts that are given, if any.
 
     Returns:
         The scales; a coordinate or input that never moves has unit scale.
@@ -34,11 +42,17 @@ def measure_scales(
     us = np.concatenate([trajectory.us for trajectory in trajectories])
     velocity = _rms(slopes if momenta else rates)
     inputs = _rms(us)
+    given = KnownMagnitudes(None, None)
+    if known is not None:
+        given = known_magnitudes(known, space, *states(trajectories, momenta=momenta), us)
+    force = np.abs(input_matrix) @ inputs if input_matrix is not None and np.any(input_matrix) else given.force
     if momenta:
         momentum = _rms(rates)
-    elif input_matrix is not None and np.any(input_matrix):
-        power = float(np.sum(velocity[:, None] * np.abs(input_matrix) * inputs))
-        momentum = power * time / (np.count_nonzero(np.any(input_matrix, axis=1)) * velocity)
+    elif given.momentum is not None:
+        momentum = given.momentum
+    elif force is not None:
+        power = float(np.sum(velocity * force))
+        momentum = power * time / (np.count_nonzero(force) * velocity)
     else:
         momentum = 1 / velocity
     return Scales(
@@ -49,6 +63,22 @@ def measure_scales(
         input=inputs,
         time=time,
     )
+
+
+def states(trajectories: Sequence[Trajectory], *, momenta: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Coordinates and velocities of all samples; velocities in momentum data are differences of the coordinates.
+
+    Args:
+        trajectories: Recordings.
+        momenta: Whether the rates are momenta.
+
+    Returns:
+        Coordinates (K, n) and velocities (K, n).
+    """
+    q = np.concatenate([trajectory.q for trajectory in trajectories])
+    if momenta:
+        return q, np.concatenate([np.gradient(trajectory.q, trajectory.ts, axis=0) for trajectory in trajectories])
+    return q, np.concatenate([trajectory.rates for trajectory in trajectories])
 
 
 def time_scale(trajectories: Sequence[Trajectory]) -> float:

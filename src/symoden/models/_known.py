@@ -1,0 +1,182 @@
+"""Blocks of the parts of a mechanism that are given."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from symoden.blocks import (
+    AbstractBlock,
+    AbstractFriction,
+    Congruence,
+    CorrectedBlock,
+    CorrectedFriction,
+    CorrectedMatrix,
+    Formula,
+    FormulaBlock,
+    FormulaFriction,
+    InverseBlock,
+    Known,
+    KnownFriction,
+    KnownFunction,
+    KnownValue,
+    Parameters,
+    ViscousFriction,
+)
+from symoden.known import KnownParts
+from symoden.spaces import Space
+
+from ._structured import StructuredModel
+
+
+class KnownBlocks(NamedTuple):
+    """Blocks of what is given; None for what is learned.
+
+    Attributes:
+        mass: M, not inverted.
+        potential: V.
+        actuation: g.
+        friction: D.
+        parameters: Parameters that formulas share.
+    """
+
+    mass: AbstractBlock | None = None
+    potential: AbstractBlock | None = None
+    actuation: AbstractBlock | None = None
+    friction: AbstractFriction | None = None
+    parameters: Parameters | None = None
+
+
+class Corrections(NamedTuple):
+    """What corrects given parts that are only nearly right.
+
+    Attributes:
+        mass: Matrix C of M' = C M Cᵀ.
+        potential: Added to V.
+        actuation: Added to g.
+        friction: Matrix C of D' = C D Cᵀ.
+    """
+
+    mass: Congruence
+    potential: AbstractBlock
+    actuation: AbstractBlock
+    friction: Congruence
+
+
+def insert_known(model: StructuredModel, known: KnownParts, corrections: Corrections) -> StructuredModel:
+    """Put what is given in the place of what would be learned.
+
+    Args:
+        model: Model that learns all of its blocks.
+        known: The given parts.
+        corrections: What corrects those of which `known` says so.
+
+    Returns:
+        The model.
+
+    Raises:
+        ValueError: If a part has another shape than its block.
+    """
+    given = known_blocks(known, model.space, model.inputs)
+    mass, potential, actuation, friction = given.mass, given.potential, given.actuation, given.friction
+    if mass is not None:
+        mass = InverseBlock(CorrectedMatrix(mass, corrections.mass) if "mass_matrix" in known.correct else mass)
+    if potential is not None and "potential_energy" in known.correct:
+        potential = CorrectedBlock(potential, corrections.potential)
+    if actuation is not None and "input_matrix" in known.correct:
+        actuation = CorrectedBlock(actuation, corrections.actuation)
+    if friction is not None and "dissipation_matrix" in known.correct:
+        friction = CorrectedFriction(friction, corrections.friction)
+    return dataclasses.replace(
+        model,
+        inverse_mass=model.inverse_mass if mass is None else mass,
+        potential=model.potential if potential is None else potential,
+        actuation=model.actuation if actuation is None else actuation,
+        friction=model.friction if friction is None else friction,
+        parameters=given.parameters,
+    )
+
+
+def known_blocks(known: KnownParts, space: Space, inputs: int) -> KnownBlocks:
+    """Make the blocks of what is given.
+
+    Args:
+        known: The given parts.
+        space: Configuration space, of n coordinates.
+        inputs: Number of inputs m.
+
+    Returns:
+        The blocks.
+
+    Raises:
+        ValueError: If a part has another shape than its block, or a formula a coordinate that is not there.
+    """
+    n = space.size
+    shapes = {"mass_matrix": (n, n), "potential_energy": (), "input_matrix": (n, inputs), "dissipation_matrix": (n, n)}
+    found: dict[str, Any] = {name: _part(known, name, shapes[name], space) for name in known.given}
+    friction = found.get("dissipation_matrix")
+    if isinstance(friction, AbstractBlock):
+        friction = ViscousFriction(friction)
+    return KnownBlocks(
+        mass=found.get("mass_matrix"),
+        potential=found.get("potential_energy"),
+        actuation=found.get("input_matrix"),
+        friction=friction,
+        parameters=Parameters.init(dict(known.parameters)) if known.parameters else None,
+    )
+
+
+def _part(known: KnownParts, name: str, shape: tuple[int, ...], space: Space) -> AbstractBlock | AbstractFriction:
+    """Block of one part: a function, a constant or formulas."""
+    part, texts = getattr(known, name), known.formulas(name)
+    moves = name == "dissipation_matrix"
+    if texts is None:
+        _refuse_other_shape(name, shape, part, space, moves=moves)
+        if isinstance(part, AbstractBlock | AbstractFriction):
+            return part
+        return KnownFriction(part) if moves else KnownFunction(part)
+    given = () if name == "potential_energy" else (len(part), len(part[0]))
+    if given != shape:
+        raise ValueError(f"`{name}` must be {_size(shape)}; got {_size(given)}. Give one row per coordinate.")
+    formula = Formula(texts, shape, tuple(known.constants.items()), tuple(known.parameters))
+    names = {name for expression in formula.expressions for name in expression.names}
+    _refuse_coordinates(name, names - set(known.constants) - set(known.parameters), space)
+    one = Known(jnp.ones((), float))
+    if not names - set(known.constants):
+        return KnownValue(Known(formula(jnp.zeros(space.size, float))))
+    if moves and any(name.startswith("v") for name in names - set(known.constants) - set(known.parameters)):
+        return FormulaFriction(formula, one)
+    return FormulaBlock(formula, one)
+
+
+def _refuse_coordinates(part: str, names: set[str], space: Space) -> None:
+    """Refuse formulas of coordinates that the space does not have."""
+    beyond = sorted(name for name in names if int(name[1:]) > space.size)
+    if beyond:
+        raise ValueError(
+            f"`{part}`: the space {space} has the coordinates q1 to q{space.size}; got `{beyond[0]}`. Correct the "
+            "formula, or the space."
+        )
+
+
+def _refuse_other_shape(
+    name: str, shape: tuple[int, ...], part: Callable[..., Any], space: Space, *, moves: bool
+) -> None:
+    """Refuse a function that gives no array of its block's shape."""
+    q = jnp.zeros(space.size, float)
+    both = isinstance(part, AbstractFriction) or (moves and not isinstance(part, AbstractBlock))
+    value = eqx.filter_eval_shape(part, *((q, q) if both else (q,)))
+    given = np.shape(value)
+    if given != shape:
+        raise ValueError(
+            f"`{name}` must be a function that gives an array, {_size(shape)}; got {_size(given)}. One state goes in, "
+            "without a batch."
+        )
+
+
+def _size(shape: tuple[int, ...]) -> str:
+    """A shape in words."""
+    return " × ".join(map(str, shape)) if shape else "one number"

@@ -1,0 +1,146 @@
+"""What is given, at the states in the data: whether it can be right, and the units that it implies."""
+
+from typing import Final, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from symoden.blocks import with_parameters
+from symoden.known import KnownParts
+from symoden.spaces import Space
+
+from ._known import KnownBlocks, known_blocks
+
+_STATES: Final = 512
+_SLACK: Final = 1e-6  # Relative: formulas may have been rounded, and run in single precision.
+
+
+class KnownMagnitudes(NamedTuple):
+    """Typical momenta and forces of what is given; None where nothing that is given tells.
+
+    Attributes:
+        momentum: Root mean square of M v.
+        force: Root mean square of g u; without g, of ∂V/∂q; without both, of D v.
+    """
+
+    momentum: np.ndarray | None
+    force: np.ndarray | None
+
+
+class _Values(NamedTuple):
+    """Given parts at many states; None where they are not given."""
+
+    mass: Float[Array, "K n n"] | None
+    slope: Float[Array, "K n"] | None
+    inputs: Float[Array, "K n m"] | None
+    friction: Float[Array, "K n n"] | None
+
+
+def check_known(known: KnownParts, space: Space, inputs: int, q: np.ndarray, v: np.ndarray) -> None:
+    """Refuse given parts that cannot be those of a mechanism at the states in the data.
+
+    Parameters have their start values.
+
+    Args:
+        known: The given parts.
+        space: Configuration space of n coordinates.
+        inputs: Number of inputs.
+        q: Coordinates (K, n).
+        v: Velocities (K, n).
+
+    Raises:
+        ValueError: If a value is not finite, a matrix is not symmetric, M is not positive definite, D not positive
+            semidefinite, or a part does not come back when an angle goes once round.
+    """
+    blocks = known_blocks(known, space, inputs)
+    q, v = _some(q), _some(v)
+    values = _values(blocks, jnp.asarray(q, float), jnp.asarray(v, float))
+    names = ("mass_matrix", "potential_energy", "input_matrix", "dissipation_matrix")
+    for name, value in zip(names, values, strict=True):
+        if value is not None:
+            _refuse(name, np.logical_not(np.isfinite(value).reshape(len(q), -1).all(axis=1)), q, v, "finite")
+    for name, matrices, definite in (
+        ("mass_matrix", values.mass, "definite"),
+        ("dissipation_matrix", values.friction, "semidefinite"),
+    ):
+        if matrices is not None:
+            X = np.asarray(matrices, float)
+            slack = _SLACK * np.maximum(np.abs(X).max(axis=(1, 2)), 1e-300)
+            _refuse(name, np.abs(X - X.swapaxes(1, 2)).max(axis=(1, 2)) > slack, q, v, "symmetric")
+            least = np.linalg.eigvalsh(X)[:, 0]
+            _refuse(name, least <= slack if definite == "definite" else least < -slack, q, v, f"positive {definite}")
+    for i in np.flatnonzero(space.is_angle):
+        turned = _values(blocks, jnp.asarray(q + 2 * np.pi * np.eye(space.size)[i], float), jnp.asarray(v, float))
+        for name, here, there in zip(names, values, turned, strict=True):
+            if here is not None and there is not None:
+                one, other = (np.asarray(x, float).reshape(len(q), -1) for x in (here, there))
+                tolerance = 1e-3 * np.abs(one).max() + 1e-300
+                _refuse(name, np.abs(one - other).max(axis=1) > tolerance, q, v, f"the same after a turn of q{i + 1}")
+
+
+def known_magnitudes(known: KnownParts, space: Space, q: np.ndarray, v: np.ndarray, us: np.ndarray) -> KnownMagnitudes:
+    """Typical momenta and forces at the states in the data, which set the scale of what is learned.
+
+    Args:
+        known: The given parts.
+        space: Configuration space of n coordinates.
+        q: Coordinates (K, n).
+        v: Velocities (K, n).
+        us: Inputs (K, m).
+
+    Returns:
+        The magnitudes.
+    """
+    blocks = known_blocks(known, space, us.shape[1])
+    q, v, us = _some(q), _some(v), _some(us)
+    values = _values(blocks, jnp.asarray(q, float), jnp.asarray(v, float))
+    momentum = None if values.mass is None else _rms(np.einsum("kij,kj->ki", values.mass, v))
+    forces = (
+        None if values.inputs is None else np.einsum("kij,kj->ki", values.inputs, us),
+        values.slope,
+        None if values.friction is None else np.einsum("kij,kj->ki", values.friction, v),
+    )
+    force = next((_rms(np.asarray(force)) for force in forces if force is not None and np.any(force)), None)
+    return KnownMagnitudes(momentum if momentum is not None and np.all(momentum > 0) else None, force)
+
+
+def _some(rows: np.ndarray) -> np.ndarray:
+    """Rows from all over the data, at most so many."""
+    return rows[:: -(-len(rows) // _STATES)]
+
+
+def _rms(samples: np.ndarray) -> np.ndarray:
+    """Root mean square of every column."""
+    return np.sqrt(np.mean(samples**2, axis=0))
+
+
+@eqx.filter_jit
+def _values(blocks: KnownBlocks, q: Float[Array, "K n"], v: Float[Array, "K n"]) -> _Values:
+    """Given parts at many states."""
+    mass, potential, actuation = (
+        with_parameters(block, blocks.parameters) for block in (blocks.mass, blocks.potential, blocks.actuation)
+    )
+    friction = with_parameters(blocks.friction, blocks.parameters)
+    return _Values(
+        mass=None if mass is None else jax.vmap(mass)(q),
+        slope=None if potential is None else jax.vmap(jax.grad(potential))(q),
+        inputs=None if actuation is None else jax.vmap(actuation)(q),
+        friction=None if friction is None else jax.vmap(friction)(q, v),
+    )
+
+
+def _refuse(name: str, unfit: np.ndarray, q: np.ndarray, v: np.ndarray, what: str) -> None:
+    """Refuse a part that is not what it must be at some states."""
+    if unfit.any():
+        k = int(np.argmax(unfit))
+        at = f"q = {np.round(q[k], 4).tolist()}, v = {np.round(v[k], 4).tolist()}"
+        what = f"have a slope that is {what}" if name == "potential_energy" else f"be {what}"
+        hint = (
+            "Give it with a period of 2π, or the space of a length instead of the angle"
+            if "turn" in what
+            else "Correct the formulas, the constants or the start values of the parameters"
+        )
+        raise ValueError(f"The given `{name}` must {what} at every state in the data; at {at} it is not so. {hint}.")
