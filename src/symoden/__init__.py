@@ -16,6 +16,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "Acrobot": "symoden.systems",
     "CartPole": "symoden.systems",
     "Dataset": "symoden.data",
+    "KnownParts": "symoden.known",
     "ModelConfig": "symoden.models",
     "Pendulum": "symoden.systems",
     "Space": "symoden.spaces",

@@ -53,6 +53,7 @@ def write_untrained_run(folder, name, **changes):
         data.inputs,
         momenta=data.momenta,
         input_matrix=data.input_matrix,
+        known=data.known,
         key=jax.random.key(0),
     )
     write_run(folder, config)

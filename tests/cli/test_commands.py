@@ -9,6 +9,8 @@ import pytest
 from symoden.cli import main
 from symoden.experiments import simulate, task
 
+from .conftest import write_untrained_run
+
 
 def answer(capsys, *words):
     """JSON object that a command prints, as the last line and nothing but an object."""
@@ -108,6 +110,20 @@ def test_inspect_shows_the_blocks_over_the_data(arm_run, capsys):
     printed = capsys.readouterr().out
     for text in ("along q", "M[1, 1]", "V - min V", "g[q, u]", "D[1, 1]", "force D v", "power audit", "input_matrix"):
         assert text in printed
+
+
+def test_inspect_names_what_was_given_and_what_it_left_open(described, tmp_path, capsys):
+    known = '[known]\nmass_matrix = [["m*l**2"]]\nconstants.l = 0.5\nparameters.m = 3\n'
+    described.write_text(described.read_text() + known)
+    folder = write_untrained_run(tmp_path / "run", described)
+    found = answer(capsys, "inspect", folder)
+    assert found["given"] == {"mass_matrix": "given up to parameters", "input_matrix": "given"}
+    assert found["identified"] == {"m": 3.0}
+    assert found["mass_matrix_eigenvalues"] == pytest.approx({"min": 0.75, "max": 0.75})
+    assert main(["inspect", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert "mass_matrix: given up to parameters" in printed
+    assert "identified parameters\nname" in printed
 
 
 def test_inspect_needs_no_data_but_says_that_the_audit_does(arm_run, tmp_path, capsys):

@@ -56,7 +56,7 @@ class DataSummary:
         position_names: Names of the coordinates.
         input_names: Names of the inputs.
         ranges: Least and largest values in the training part.
-        digest: SHA-256 of all recordings; resuming with other data is refused.
+        digest: SHA-256 of all recordings and of what is known; resuming with others is refused.
     """
 
     space: str
@@ -116,6 +116,8 @@ def summarize(dataset: Dataset) -> DataSummary:
         for array in (recording.ts, recording.q, recording.rates, recording.us):
             digest.update(str(array.shape).encode())
             digest.update(array.tobytes())
+    if dataset.known is not None:
+        digest.update(repr(dataset.known).encode())
     return DataSummary(
         space=dataset.space,
         momenta=dataset.momenta,

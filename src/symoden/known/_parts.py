@@ -58,8 +58,8 @@ class KnownParts:
     potential_energy: Scalar | None = None
     input_matrix: Matrix | None = None
     dissipation_matrix: Matrix | None = None
-    constants: Mapping[str, float] = field(default_factory=dict)
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    constants: Mapping[str, float | int] = field(default_factory=dict)
+    parameters: Mapping[str, float | int] = field(default_factory=dict)
     correct: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -74,6 +74,9 @@ class KnownParts:
                 )
                 object.__setattr__(self, name, rows)
         _refuse_values(self)
+        for table in ("constants", "parameters"):
+            values = {name: float(value) for name, value in getattr(self, table).items()}
+            object.__setattr__(self, table, values)
         _refuse_names(self)
         for name in self.correct:
             if name not in self.given:

@@ -1,0 +1,130 @@
+"""Learning what is not known: parameters are recovered, and the rest comes out in physical units."""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.blocks import Correction
+from symoden.data import Dataset, Trajectory
+from symoden.known import KnownParts
+from symoden.models import BlockConfig, ModelConfig
+from symoden.spaces import Space
+from symoden.systems import Pendulum
+from symoden.training import TrainingConfig, fit, measure_scales
+from symoden.training._fit import _prepare
+
+CONSTANT = BlockConfig(constant=True)
+TRUTH = Pendulum(damping=0.2)
+INERTIA, LOAD = float(TRUTH.mass_matrix(jnp.zeros(1))[0, 0]), float(TRUTH.potential_energy(jnp.array([jnp.pi]))) / 2
+MODEL = ModelConfig(
+    inverse_mass=CONSTANT, potential=BlockConfig(hidden=(4,)), actuation=CONSTANT, friction=CONSTANT, knees=()
+)
+STEPS = TrainingConfig(validation=0.0, adam_steps=0, lm_steps=8, lm_horizon=7, lm_substeps=4, growth_steps=0)
+EXACT: dict[str, Any] = {
+    "mass_matrix": [["J"]],
+    "potential_energy": "-w*cos(q1)",
+    "input_matrix": [[1]],
+    "dissipation_matrix": [["d"]],
+}
+
+
+def knowing(dataset, **parts: Any):
+    return dataclasses.replace(dataset, known=KnownParts(**parts))
+
+
+def test_two_parameters_are_recovered_in_a_few_steps(pendulum):
+    dataset = knowing(pendulum(), **EXACT, constants={"J": INERTIA}, parameters={"w": 2 * LOAD, "d": 0.05})
+    found: Any = fit(dataset, model=MODEL, config=STEPS).model
+    assert found.parameters.names == ("w", "d")
+    assert np.asarray(found.parameters.values) == pytest.approx([LOAD, 0.2], rel=1e-4)
+
+
+def test_a_known_inertia_gives_the_rest_in_physical_units(pendulum):
+    formula = {"potential_energy": "-w*cos(q1)", "parameters": {"w": 3 * LOAD}}  # Could take any unit up.
+    dataset = knowing(pendulum(), mass_matrix=[[INERTIA]], **formula)
+    found: Any = fit(dataset, model=MODEL, config=STEPS).model
+    q, v = jnp.array([0.4]), jnp.array([0.7])
+    assert found.mass_matrix(q)[0, 0] == pytest.approx(INERTIA, rel=1e-6)
+    assert found.input_matrix(q)[0, 0] == pytest.approx(1.0, rel=1e-3)
+    assert found.dissipation_matrix(q, v)[0, 0] == pytest.approx(0.2, rel=1e-3)
+    assert jax.grad(found.potential_energy)(q)[0] == pytest.approx(LOAD * np.sin(0.4), rel=1e-3)
+
+
+def test_a_part_that_is_nearly_right_is_corrected_in_the_growth_stage(pendulum):
+    nearly = EXACT | {"potential_energy": f"-{0.8 * LOAD}*cos(q1)", "correct": ("potential_energy",)}
+    dataset = knowing(pendulum(count=4), **nearly, constants={"J": INERTIA, "d": 0.2})
+    config = dataclasses.replace(STEPS, validation=0.25, growth_steps=6, adam_steps=5)
+    stages, state = _prepare(dataset, MODEL, config)
+    assert [stage.name for stage in stages] == ["growth"]  # Nothing else is free.
+    before: Any = state.model
+    after: Any = fit(dataset, model=MODEL, config=config).model
+    assert isinstance(after.potential.correction.function, Correction)
+    q = jnp.array([1.2])
+    slopes = [float(jax.grad(model.potential_energy)(q)[0]) for model in (before, after)]
+    assert slopes == pytest.approx([0.8 * LOAD * np.sin(1.2), LOAD * np.sin(1.2)], rel=0.02)
+
+
+def test_nothing_to_learn_is_refused(pendulum, quick):
+    dataset = knowing(pendulum(), **EXACT, constants={"J": 1.0, "w": 1.0, "d": 0.1})
+    with pytest.raises(ValueError, match="must have something to learn; every part is given"):
+        fit(dataset, model=MODEL, config=quick)
+
+
+def test_known_parts_that_no_mechanism_has_are_refused_before_training(pendulum, quick):
+    with pytest.raises(ValueError, match="`mass_matrix` must be positive definite"):
+        fit(knowing(pendulum(), mass_matrix=[["cos(q1) - 1.1"]]), model=MODEL, config=quick)
+
+
+def recording():
+    ts = np.linspace(0.0, 2.0, 81)
+    q, v = np.stack([np.sin(ts), 2 * np.cos(ts)], axis=1), np.stack([np.cos(ts), -2 * np.sin(ts)], axis=1)
+    return Trajectory(name="a", ts=ts, q=q, rates=v, us=np.ones((81, 1)))
+
+
+@pytest.mark.parametrize(
+    ("name", "formulas", "factor"),
+    [
+        ("mass_matrix", [["3", "0"], ["0", "5"]], "momentum"),
+        ("potential_energy", "3*q1 + 4*q2", "force"),
+        ("dissipation_matrix", [["3", "0"], ["0", "4"]], "force"),
+        ("input_matrix", [["2 + 0*q1"], ["0"]], "force"),
+    ],
+)
+def test_scales_are_those_of_the_known_part(name, formulas, factor):
+    space, trajectory = Space.parse("R2"), recording()
+    known: Any = {name: formulas}
+    doubled: Any = {name: f"2*({formulas})" if isinstance(formulas, str) else twice(formulas)}
+    scales, other = (
+        measure_scales([trajectory], space, momenta=False, known=KnownParts(**parts)) for parts in (known, doubled)
+    )
+    assert other.momentum == pytest.approx(2 * scales.momentum)
+    if factor == "momentum":
+        assert scales.momentum == pytest.approx(np.sqrt(np.mean((trajectory.rates * [3, 5]) ** 2, axis=0)))
+
+
+def twice(rows):
+    return [[f"2*({formula})" for formula in row] for row in rows]
+
+
+def test_momenta_in_the_data_have_the_last_word():
+    space, trajectory = Space.parse("R2"), recording()
+    plain, known = (
+        measure_scales([trajectory], space, momenta=True, known=parts)
+        for parts in (None, KnownParts(mass_matrix=[[3, 0], [0, 5]]))
+    )
+    assert np.array_equal(plain.momentum, known.momentum)
+
+
+def test_the_input_matrix_is_given_once():
+    with pytest.raises(ValueError, match="`input_matrix` must be given once"):
+        Dataset(
+            name="a",
+            space="R2",
+            train=(recording(),),
+            input_matrix=np.ones((2, 1)),
+            known=KnownParts(input_matrix=[[1], [1]]),
+        )
