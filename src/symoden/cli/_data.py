@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from symoden.data import ChannelFacts, DatasetCheck, Finding, RecordingCheck, check_dataset
+from symoden.data import ChannelFacts, DataError, DatasetCheck, Finding, RecordingCheck, check_dataset
 from symoden.storage import write_atomically
 
 from ._arguments import Data
@@ -26,11 +26,15 @@ def run(command: Data) -> None:
         command: What to do.
 
     Raises:
-        ValueError: If the figure's format is unknown; a `DataError` if the files cannot be read.
+        ValueError: If the figure's format is unknown.
+        DataError: If the description or a file cannot be read.
     """
     if command.figure is not None and command.figure.suffix.lower() not in _FORMATS:
         raise ValueError(f"`--figure` must end in one of {', '.join(_FORMATS)}; got `{command.figure}`.")
-    check = check_dataset(command.source, space=command.space)
+    try:
+        check = check_dataset(command.source, space=command.space)
+    except DataError as error:
+        raise DataError(str(error)) from None  # A file that the system refuses is wrong input, as any other is.
     if command.figure is not None:
         _draw(check, command.figure)
     if command.general.json:

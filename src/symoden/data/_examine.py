@@ -12,7 +12,7 @@ from ._mismatch import find_mismatches
 from ._stuck import find_stuck
 
 _SAME = 0.03
-_IDLE = 10.0  # times its accuracy that a joint must move
+_IDLE, _LOUD = 10.0, 8.0  # steps of rounding, and sizes of the noise, whose own range is 7, that a joint must move
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,6 +108,6 @@ def is_idle(position: ChannelFacts) -> bool:
         position: Its facts.
 
     Returns:
-        Whether its range is within ten times its rounding and noise.
+        Whether its range is what its rounding and noise make it.
     """
-    return position.span <= _IDLE * max(position.quantum, position.noise)
+    return position.span <= max(_IDLE * position.quantum, _LOUD * position.noise)

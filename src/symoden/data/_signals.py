@@ -11,7 +11,7 @@ _SIGMA: Final = 1.4826  # standard deviation of a Gaussian over the median of it
 _MODES, _PARTS, _RECURS = 5, 6, 0.003
 _ON_GRID, _NEAR, _TINY = 0.85, 0.1, 1e-3
 _LEAST_CHANGES = 0.05  # share of the samples; a staircase changes more seldom, and is no rounding
-_MOST_LEVELS = 0.8  # levels for each sample; a ramp has one
+_MOST_ALIKE = 0.99  # share of changes by the same multiple; those of a ramp are all alike
 _LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
 
 
@@ -40,7 +40,8 @@ def quantum(signal: np.ndarray) -> float:
     for step in candidates:
         whole = changes[changes > _TINY * step] / step
         near = (np.abs(whole - np.round(whole)) < _NEAR) & (np.round(whole) >= 1)
-        if near.mean() >= _ON_GRID and len(np.unique(np.round(signal / step))) <= _MOST_LEVELS * len(signal):
+        _, alike = np.unique(np.round(np.diff(signal) / step), return_counts=True)
+        if near.mean() >= _ON_GRID and alike.max() <= _MOST_ALIKE * alike.sum():
             return step
     return 0.0
 

@@ -1,0 +1,108 @@
+"""`symoden data check`: what it prints, what it draws, and that `train` says what it leaves out."""
+
+import json
+
+import numpy as np
+import pytest
+
+from symoden.cli import main
+
+
+def damage(path, **columns):
+    """Write values into rows of columns of a recording."""
+    lines = path.read_text().splitlines()
+    names = lines[0].split(",")
+    table = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
+    for name, change in columns.items():
+        table[:, names.index(name)] = change(table[:, names.index(name)].copy())
+    np.savetxt(path, table, delimiter=",", header=lines[0], comments="", fmt="%.17g")
+
+
+def holes(values):
+    values[40:52] = np.nan
+    return values
+
+
+def swapped(values):
+    values[[20, 21]] = values[[21, 20]]
+    return values
+
+
+def test_a_good_data_set_has_its_tables_and_nothing_wrong(arm, capsys):
+    assert main(["data", "check", str(arm)]) == 0
+    out = capsys.readouterr().out
+    lines = [line.split() for line in out.splitlines()]
+    assert ["train", "a", "80", "3.95", "50", "50", "50", "0", "0", "1"] in lines
+    assert [line[:2] for line in lines if line[:1] in (["q"], ["v"], ["u"])] == [
+        ["q", "position"],
+        ["v", "velocity"],
+        ["u", "input"],
+    ]
+    assert "space T1, hold zero" in out
+    assert out.endswith("Findings\nnothing looks wrong\n")
+
+
+def test_what_is_wrong_is_named_with_what_to_do(described, capsys):
+    damage(described.parent / "a.csv", q=np.degrees, u=holes)
+    damage(described.parent / "b.csv", q=np.degrees, t=swapped)
+    assert main(["data", "check", str(described)]) == 0
+    findings = capsys.readouterr().out.partition("Findings\n")[2].splitlines()
+    assert findings[0].startswith("- refused in b: 1 time stamps do not increase (1 go back), first at row 21")
+    assert findings[2].startswith("- warning in a (and 1 more: b): the derivative of `q` is")
+    assert findings[3] == '  Write `units = {q = "deg"}` into the description.'
+    assert findings[4].startswith("- masked in a: `u` lacks 12 of 80 numbers")
+    assert findings[6].startswith("- masked in a: 1 gap in time, the longest 0.65 s from 1.95 to 2.6 s")
+
+
+def test_json_says_all_of_it(described, capsys):
+    damage(described.parent / "a.csv", u=holes)
+    assert main(["data", "check", str(described), "--json"]) == 0
+    (line,) = capsys.readouterr().out.splitlines()
+    said = json.loads(line, parse_constant=pytest.fail)
+    assert list(said) == ["source", "space", "refused", "findings", "recordings", "figure"]
+    a, b = said["recordings"]
+    assert [(one["name"], one["split"], one["rows"], one["recordings"]) for one in (a, b)] == [
+        ("a", "train", 80, 2),
+        ("b", "test", 60, 1),
+    ]
+    assert (a["missing_rows"], a["gaps_s"]) == (12, [[pytest.approx(1.95), pytest.approx(2.6)]])
+    assert [(one["kind"], one["level"]) for one in a["findings"]] == [("missing", "masked"), ("gap", "masked")]
+    assert {"name", "role", "minimum", "maximum", "rms", "quantum", "noise", "ratio"} <= set(a["channels"][0])
+    assert said["refused"] is False
+
+
+@pytest.mark.parametrize("ending", ["png", "pdf", "svg"])
+def test_the_recordings_are_drawn(arm, tmp_path, capsys, ending):
+    path = tmp_path / f"arm.{ending}"
+    assert main(["data", "check", str(arm), "--figure", str(path)]) == 0
+    assert path.stat().st_size > 5000
+    assert capsys.readouterr().out.endswith(f"all recordings are drawn in {path}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("check", "gone.toml"), "`gone.toml`: cannot be read"),
+        (("check", "{arm}", "--space", "T2"), "`space` must have one coordinate per position column"),
+        (("check", "{arm}", "--figure", "a.gif"), "`--figure` must end in one of .png, .pdf, .svg; got `a.gif`"),
+        (("chek", "{arm}"), "chek"),
+        (("check",), "FILE.toml"),
+    ],
+)
+def test_what_cannot_be_read_is_status_2(arm, capsys, words, message):
+    assert main(["data", *(word.format(arm=arm) for word in words)]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_training_says_in_one_line_what_it_leaves_out_and_what_looks_wrong(described, tmp_path, capsys, monkeypatch):
+    def stop(*arguments, **options):
+        raise ValueError("enough")
+
+    monkeypatch.setattr("symoden.cli._train.train_run", stop)
+    damage(described.parent / "a.csv", u=holes, v=np.negative)
+    assert main(["train", str(described), "--out", str(tmp_path / "run")]) == 2
+    masked, suspicion, headline, error = capsys.readouterr().err.splitlines()
+    assert masked.startswith(f"warning: `{described}`: left out in `a`: 12 rows without all numbers, 1 gap in time")
+    assert suspicion.startswith(f"warning: `{described}`: perhaps wrong in `a`: the derivative of `q` is -")
+    assert headline.startswith("training a dissipative model")
+    assert error == "error: enough"

@@ -1,0 +1,236 @@
+"""Each way in which a log can be wrong is named, and a good log has nothing wrong."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from symoden.data import DataError, DataWarning, check_dataset, read_dataset
+
+TEXT = """
+space = "T2"
+time = "t"
+positions = ["q1", "q2"]
+velocities = ["v1", "v2"]
+inputs = ["u1", "u2"]
+{more}
+[train]
+files = [{files}]
+"""
+NAMES = ("t", "q1", "q2", "v1", "v2", "u1", "u2")
+
+
+def arm(seed=0, *, samples=2000, step=0.005, quantum=0.0, noise=0.0, amplitude=1.0, jitter=0.3):
+    """A log of two joints: smooth motions whose velocities are their derivatives, rounded and noisy."""
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(step * rng.uniform(1 - jitter, 1 + jitter, samples))
+    a, w, c = amplitude * rng.uniform(0.5, 1.0, (2, 2)), rng.uniform(1, 6, (2, 2)), rng.uniform(0, 6, (2, 2))
+    phase = w * t[:, None, None] + c
+    q, v = (a * np.sin(phase)).sum(axis=2), (a * w * np.cos(phase)).sum(axis=2)
+    log = np.concatenate([t[:, None], q, v, np.sin(t[:, None] * [7, 5])], axis=1)
+    log[:, 1:5] += noise * rng.normal(size=(samples, 4))
+    return log if not quantum else np.concatenate([log[:, :1], quantum * np.round(log[:, 1:] / quantum)], axis=1)
+
+
+def written(folder, *logs, more=""):
+    names = [f"run{k}.csv" for k in range(len(logs))]
+    for name, log in zip(names, logs, strict=True):
+        np.savetxt(folder / name, log, delimiter=",", header=",".join(NAMES), comments="", fmt="%.15g")
+    path = folder / "arm.toml"
+    path.write_text(TEXT.format(more=more, files=", ".join(f'"{name}"' for name in names)))
+    return path
+
+
+def found(path):
+    """Findings that are more than facts: (kind, level, channel)."""
+    check = check_dataset(path)
+    every = [*check.findings, *(finding for each in check.recordings for finding in each.findings)]
+    return [(one.kind, one.level, one.channel) for one in every if one.level != "note"]
+
+
+def stick(log, column, start, stop):
+    log[start:stop, NAMES.index(column)] = log[start, NAMES.index(column)]
+    return log
+
+
+def scale(log, **factors):
+    for name, factor in factors.items():
+        log[:, NAMES.index(name)] *= factor
+    return log
+
+
+@given(
+    seed=st.integers(0, 1000),
+    samples=st.integers(500, 1500),
+    step=st.floats(0.002, 0.03),
+    quantum=st.sampled_from([0.0, 1e-4, 0.02]),
+    noise=st.sampled_from([0.0, 1e-3, 0.05]),
+    amplitude=st.floats(0.3, 3.0),
+)
+def test_nothing_is_wrong_with_a_good_log(tmp_path_factory, seed, samples, step, quantum, noise, amplitude):
+    log = arm(seed, samples=samples, step=step, quantum=quantum, noise=noise, amplitude=amplitude)
+    path = written(tmp_path_factory.mktemp("good"), log)
+    assert found(path) == []
+    assert len(read_dataset(path).train) == 1  # without a warning, which would be an error here
+
+
+def test_facts_of_a_good_log(tmp_path):
+    log = arm(quantum=0.001)
+    (check,) = check_dataset(written(tmp_path, log)).recordings
+    assert (check.recordings, check.missing, check.gaps) == (1, 0, ())
+    assert check.duration == pytest.approx(np.ptp(log[:, 0]))
+    assert check.steps == pytest.approx([f(np.diff(log[:, 0])) for f in (np.min, np.median, np.max)])
+    q1, _, v1, _, u1, _ = check.channels
+    assert [(one.name, one.role) for one in (q1, v1, u1)] == [("q1", "position"), ("v1", "velocity"), ("u1", "input")]
+    assert (q1.minimum, q1.maximum) == pytest.approx((log[:, 1].min(), log[:, 1].max()))
+    assert (q1.quantum, v1.ratio) == (pytest.approx(0.001), pytest.approx(1.0, abs=0.01))
+    assert q1.moving is not None
+    assert q1.moving > 0.9
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 1000), column=st.sampled_from(NAMES[1:5]), start=st.integers(100, 1000))
+def test_a_stuck_sensor_is_named_with_its_time(tmp_path_factory, seed, column, start):
+    log = stick(arm(seed, quantum=1e-3, noise=1e-3), column, start, start + 600)
+    path = written(tmp_path_factory.mktemp("stuck"), log)
+    assert found(path) == [("stuck", "warning", column)]
+    (finding,) = [one for one in check_dataset(path).recordings[0].findings if one.kind == "stuck"]
+    assert finding.spans[0] == pytest.approx((log[start, 0], log[start + 599, 0]), abs=0.05)
+    with pytest.warns(DataWarning, match=f"perhaps wrong in `run0`: `{column}` does not change at all from"):
+        assert len(read_dataset(path).train) == 1
+
+
+def test_a_sensor_without_velocities_is_stuck_if_the_others_move(tmp_path):
+    path = written(tmp_path, stick(arm(), "q2", 300, 700))
+    path.write_text(path.read_text().replace('velocities = ["v1", "v2"]\n', ""))
+    assert found(path) == [("stuck", "warning", "q2")]
+
+
+def test_a_machine_at_rest_is_not_stuck(tmp_path):
+    log = arm()
+    rest = np.repeat(log[:1], 500, axis=0)
+    rest[:, 0] = log[0, 0] + 0.005 * np.arange(-500, 0)
+    rest[:, 3:] = 0
+    assert found(written(tmp_path, np.concatenate([rest, log]))) == []
+
+
+UNITS = [
+    ({"q1": 180 / np.pi}, "q1", r'`units = \{q1 = "deg"\}` into the description.$'),
+    ({"v2": 180 / np.pi}, "q2", r'units = \{v2 = "deg/s"\}'),
+    ({"v1": 30 / np.pi}, "q1", r'units = \{v1 = "rpm"\}'),
+    ({"q2": -180 / np.pi}, "q2", r'units = \{q2 = "deg"\}'),
+    ({"v1": 0.1}, "v1", r"write `units = \{v1 = (10|9\.9\d*|10\.0\d)\}`"),
+]
+
+
+@pytest.mark.parametrize(("factors", "channel", "advice"), UNITS, ids=[advice for *_, advice in UNITS])
+def test_a_wrong_unit_is_named_with_the_right_one(tmp_path, factors, channel, advice):
+    path = written(tmp_path, scale(arm(), **factors), scale(arm(1), **factors))
+    assert found(path) == [("unit", "warning", channel)] * 2
+    said = check_dataset(path).recordings[0].findings[0].advice
+    assert re.search(advice, said)
+    with pytest.warns(DataWarning, match="the derivative of"):
+        read_dataset(path)
+
+
+def test_the_advised_unit_repairs_the_log(tmp_path):
+    log = scale(arm(), q1=180 / np.pi)
+    log[:, 1] = np.mod(log[:, 1], 360)
+    assert found(written(tmp_path, log)) == [("unit", "warning", "q1")]
+    assert found(written(tmp_path, log, more='units = {q1 = "deg"}')) == []
+
+
+def test_one_file_in_degrees_is_told_to_be_converted(tmp_path):
+    check = check_dataset(written(tmp_path, arm(), scale(arm(1), q1=180 / np.pi)))
+    (finding,) = [one for one in check.recordings[1].findings if one.level == "warning"]
+    assert finding.advice.startswith("Other files are right: convert `")
+
+
+def test_degrees_in_both_are_suspected_from_the_range(tmp_path):
+    degrees = 180 / np.pi
+    path = written(tmp_path, scale(arm(), q1=degrees, v1=degrees))
+    assert found(path) == [("unit", "warning", "q1")]
+
+
+def test_a_wheel_that_keeps_turning_is_not_in_degrees(tmp_path):
+    log = arm()
+    log[:, 1] += 30 * log[:, 0]
+    log[:, 3] += 30
+    assert found(written(tmp_path, log)) == []
+
+
+def test_a_turned_sign_and_exchanged_columns_are_named(tmp_path):
+    assert found(written(tmp_path, scale(arm(), v2=-1))) == [("sign", "warning", "v2")]
+    log = arm()
+    path = written(tmp_path, log[:, [0, 1, 2, 4, 3, 5, 6]])
+    assert found(path) == [("velocity", "warning", "v1"), ("velocity", "warning", "v2")]
+    assert "Put `velocities` into the order" in check_dataset(path).recordings[0].findings[0].advice
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 1000))
+def test_wraps_are_facts_and_other_jumps_are_wrong(tmp_path_factory, seed):
+    folder, log = tmp_path_factory.mktemp("wraps"), arm(seed, amplitude=3.0)
+    log[:, 1] = np.mod(log[:, 1], 2 * np.pi)
+    path = written(folder, log)
+    assert found(path) == []
+    assert any(one.kind == "wrap" for one in check_dataset(path).recordings[0].findings)
+    log[1000:, 2] += 4.5
+    assert found(written(folder, log)) == [("jump", "warning", "q2")]
+
+
+def test_times_out_of_order_are_refused_and_still_examined(tmp_path):
+    log = scale(arm(), v2=-1)
+    log[[500, 501], 0] = log[[501, 500], 0]
+    log[900, 0] = log[899, 0]
+    path = written(tmp_path, log)
+    assert found(path) == [("time", "refused", "t"), ("sign", "warning", "v2")]
+    check = check_dataset(path)
+    assert check.refused
+    assert (
+        "2 time stamps do not increase (1 go back, 1 stand still), first at row 501"
+        in check.recordings[0].findings[0].text
+    )
+    with pytest.raises(DataError, match=r"row 501: times must increase; .* \(2 such rows\)"):
+        read_dataset(path)
+
+
+def test_missing_numbers_and_gaps_are_masked(tmp_path):
+    log = arm()
+    log[500:600, 4] = np.nan
+    log[700, 1] = np.nan
+    path = written(tmp_path, np.delete(log, np.s_[1000:1100], axis=0))
+    assert sorted(found(path)) == [("gap", "masked", ""), ("missing", "masked", "q1"), ("missing", "masked", "v2")]
+    (check,) = check_dataset(path).recordings
+    assert (check.missing, len(check.gaps), check.recordings) == (101, 2, 3)
+    assert check.gaps[0] == pytest.approx((log[499, 0], log[600, 0]))
+
+
+def test_a_cut_off_input_and_a_rounded_difference_are_facts(tmp_path):
+    log = arm(quantum=1e-3, jitter=0.0)
+    log[:, 5] = np.clip(log[:, 5], -0.6, 0.6)
+    log[1:, 3:5] = np.diff(log[:, 1:3], axis=0) / 0.005
+    check = check_dataset(written(tmp_path, log))
+    notes = [(one.kind, one.channel) for one in check.recordings[0].findings]
+    assert notes == [("saturation", "u1"), ("rounding", "v1"), ("rounding", "v2")]
+
+
+def test_what_never_moves_cannot_be_learned(tmp_path):
+    log = scale(arm(), q2=0, v2=0, u1=0)
+    assert found(written(tmp_path, log)) == [("idle", "warning", "q2"), ("idle", "warning", "u1")]
+    assert found(written(tmp_path, log, arm(1))) == []
+
+
+def test_what_does_not_fit_together_is_a_finding(tmp_path):
+    path = written(tmp_path, arm(), more="input_matrix = [[1, 0]]")
+    assert found(path) == [("refused", "refused", "")]
+    (tmp_path / "run0.csv").write_text("a\n1\n2\n")
+    with pytest.raises(DataError, match="no column `t`"):
+        check_dataset(path)
+
+
+@pytest.mark.parametrize("name", ["dfki-c1", "dfki-c0", "multiarm-double", "multiarm-single"])
+def test_nothing_is_wrong_with_the_measured_examples(shared_data, monkeypatch, request, name):
+    monkeypatch.setenv("SYMODEN_DATA", str(shared_data))
+    assert found(request.config.rootpath / "examples" / f"{name}.toml") == []

@@ -1,0 +1,59 @@
+"""Figures of logs: every column of every recording, with what is wrong marked and named."""
+
+import numpy as np
+import pytest
+from matplotlib import rcParams
+
+from symoden.data import check_dataset
+from symoden.report import draw_check
+
+TEXT = """
+space = "T1"
+time = "t"
+positions = ["q"]
+velocities = ["v"]
+inputs = ["u"]
+[train]
+files = ["a.csv"]
+[test]
+files = ["b.csv"]
+"""
+
+
+@pytest.fixture
+def check(tmp_path):
+    t = 0.01 * np.arange(400)
+    log = np.stack([t, np.sin(3 * t), 3 * np.cos(3 * t), np.sin(5 * t)], axis=1)
+    for name in ("a", "b"):
+        if name == "b":
+            log[100:200, 1] = log[100, 1]
+            log[300:350, 3] = np.nan
+        np.savetxt(tmp_path / f"{name}.csv", log, delimiter=",", header="t,q,v,u", comments="")
+    (tmp_path / "arm.toml").write_text(TEXT)
+    return check_dataset(tmp_path / "arm.toml")
+
+
+def test_each_recording_is_a_row_and_each_column_a_panel(check):
+    before = dict(rcParams)
+    figure = draw_check(check)
+    figure.canvas.draw()
+    assert dict(rcParams) == before
+    panels = figure.axes
+    assert [ax.get_title() for ax in panels] == ["q", "v", "u", "", "", ""]
+    assert [ax.get_ylabel().split("\n")[0] for ax in panels] == ["a", "", "", "b", "", ""]
+    assert [ax.get_xlabel() for ax in panels] == ["", "", "", *["time [s]"] * 3]
+    for ax, each, role in zip(panels, [check.recordings[0]] * 3, ("positions", "rates", "inputs"), strict=False):
+        (line,) = ax.get_lines()
+        np.testing.assert_array_equal(line.get_ydata(), each.log.signals[role][:, 0])
+
+
+def test_what_is_wrong_is_shaded_and_named_where_it_is(check):
+    figure = draw_check(check)
+    named = [[text.get_text() for text in ax.texts] for ax in figure.axes]
+    assert named == [[""], [""], [""], ["stuck"], [""], ["missing"]]
+    shaded = [len(ax.patches) for ax in figure.axes]
+    assert shaded == [0, 0, 0, 2, 1, 2]  # the gap in all panels, and what is wrong in its own
+    stuck = min(
+        patch.get_extents().transformed(figure.axes[3].transData.inverted()).x0 for patch in figure.axes[3].patches
+    )
+    assert stuck == pytest.approx(1.0, abs=0.02)
