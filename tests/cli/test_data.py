@@ -85,7 +85,7 @@ def test_the_recordings_are_drawn(arm, tmp_path, capsys, ending):
         (("check", "gone.toml"), "`gone.toml`: cannot be read"),
         (("check", "{arm}", "--space", "T2"), "`space` must have one coordinate per position column"),
         (("check", "{arm}", "--figure", "a.gif"), "`--figure` must end in one of .png, .pdf, .svg; got `a.gif`"),
-        (("chek", "{arm}"), "chek"),
+        (("verify", "{arm}"), "verify"),
         (("check",), "FILE.toml"),
     ],
 )
