@@ -38,7 +38,10 @@ def cell(row, column, text):
 BAD_FILES = {
     "missing column": (lambda lines: lines.__setitem__(0, "t,q,w,u"), ["a.csv", "no column `v`"]),
     "text in a number column": (cell(5, 2, "fast"), ["a.csv", "`v`", "row 5", "fast"]),
-    "no number in a column": (lambda lines: [cell(row, 1, "nan")(lines) for row in range(80)], ["a.csv", "`q` lacks 80"]),
+    "no number in a column": (
+        lambda lines: [cell(row, 1, "nan")(lines) for row in range(80)],
+        ["a.csv", "`q` lacks 80"],
+    ),
     "time that goes back": (cell(9, 0, "0.1"), ["a.csv", "row 9", "must increase"]),
     "recording shorter than a window": (lambda lines: lines.__delitem__(slice(3, None)), ["a"]),
     "empty file": (lambda lines: lines.clear(), ["a.csv"]),
