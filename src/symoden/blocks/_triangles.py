@@ -48,8 +48,8 @@ def inverse_of_positive(matrix: SquareMatrix) -> SquareMatrix:
         The inverse, symmetric.
 
     Example:
-        >>> inverse_of_positive(jnp.array([[4.0, 0.0], [0.0, 2.0]])).tolist()
-        [[0.25, 0.0], [0.0, 0.5]]
+        >>> inverse_of_positive(jnp.array([[4.0, 0.0], [0.0, 16.0]])).tolist()
+        [[0.25, 0.0], [0.0, 0.0625]]
     """
     n = matrix.shape[0]
     identity = jnp.eye(n, dtype=matrix.dtype)
