@@ -11,6 +11,7 @@ from hypothesis import given, strategies as st
 
 from symoden.blocks import (
     ACTIVATIONS,
+    RUNGS,
     CholeskyBlock,
     Constant,
     Correction,
@@ -145,22 +146,24 @@ def test_joint_friction_takes_energy_whatever_the_signs_of_its_coefficients(seed
 
 
 def test_joint_friction_follows_its_formula():
-    friction, v = joint(1), np.array([0.4, -1.2])
+    friction, v = joint(2), np.array([0.4, -1.2])
     w = v / np.array([1.5, 0.7])
     coefficients = np.asarray(friction.laws(Q)).reshape(2, -1)
     law = [
         coefficients[i]
         @ [
-            *((1 + (w[i] / k) ** 2) ** -0.25 for k in KNEES),
             *((1 + (w[i] / k) ** 2) ** -0.5 for k in KNEES),
-            (1 + w[i] ** 2) ** 0.25 - 1,
+            *(1 / (1 + (w[i] / k) ** 2) for k in KNEES),
+            (1 + w[i] ** 2) ** 0.5 - 1,
         ]
         for i in range(2)
     ]
+    assert min(law) < -0.1 < 0.1 < max(law)  # Both branches: a joint that brakes, and one whose law would push.
     B = np.zeros((2, 2))
     B[np.tril_indices(2)] = friction.viscous.values
-    L = np.diag([0.5, 2.0]) @ (B + np.diag(law))
-    assert np.asarray(friction(Q, jnp.asarray(v))) == pytest.approx(L @ L.T, rel=1e-12)
+    S = np.diag([0.5, 2.0])
+    expected = S @ (B @ B.T + np.diag(np.maximum(law, 0))) @ S
+    assert np.asarray(friction(Q, jnp.asarray(v))) == pytest.approx(expected, rel=1e-9)
 
 
 def test_joint_friction_is_dry_at_low_and_quadratic_at_high_speed():
@@ -172,6 +175,8 @@ def test_joint_friction_is_dry_at_low_and_quadratic_at_high_speed():
 
     dry = [force([1.0, 0.0, 0.0], speed) for speed in (0.1, 1.0, 10.0)]
     assert dry == pytest.approx([0.01] * 3, rel=0.01)  # the same at every speed above the knee
+    nothing = [force([0.0, 0.0, 0.0], speed) for speed in (0.1, 10.0)]
+    assert nothing == pytest.approx([0.0, 0.0], abs=1e-5)
     drag = [force([0.0, 0.0, 1.0], speed) for speed in (1e4, 4e4)]
     assert drag[1] / drag[0] == pytest.approx(16.0, rel=0.1)
 
@@ -184,6 +189,14 @@ def test_friction_without_velocity_and_no_friction():
     assert not nothing.any()
 
 
+@given(seed=seeds, spread=st.floats(1e-3, 1e3))
+def test_dry_and_viscous_friction_add_up(seed, spread):
+    unit, v = Known(jnp.ones(1)), spread * np.random.default_rng(seed).uniform(0.1, 1.0, size=1)
+    sheet = [JointFriction(constant(b), constant(c, 0.0, 0.0), unit, unit, (0.5,)) for b, c in ((2, 0), (0, 3), (2, 3))]
+    viscous, dry, both = (float(evaluate(friction, Q[:1], jnp.asarray(v))[0, 0]) for friction in sheet)
+    assert both == pytest.approx(viscous + dry, rel=1e-6, abs=2e-6)
+
+
 def test_known_arrays_have_no_derivative_and_are_not_trained():
     block = MatrixBlock(constant(1.0, 2.0), Known(jnp.ones((2, 1))))
     slopes = eqx.filter_grad(lambda block: jnp.sum(block(Q)))(block)
@@ -192,11 +205,13 @@ def test_known_arrays_have_no_derivative_and_are_not_trained():
     assert count_parameters(block) == 2
 
 
-def test_corrections_are_free_only_when_asked_for():
-    tree = {"sum": Sum((constant(1, 2), Correction(constant(1, 2, 3)))), "unit": UNIT, "count": jnp.arange(3)}
-    free, frozen = (
-        sum(leaf.size for leaf in jax.tree.leaves(eqx.filter(tree, trainable(tree, corrections=corrections))))
-        for corrections in (True, False)
-    )
-    assert (free, frozen) == (5, 2)
-    assert count_parameters(tree) == 5
+def test_corrections_are_free_rung_by_rung():
+    early, late = Correction(constant(1, 2, 3), rung=1), Correction(constant(1, 2, 3, 4))
+    tree = {"sum": Sum((constant(1, 2), early, late)), "unit": UNIT, "count": jnp.arange(3)}
+    free = [
+        sum(leaf.size for leaf in jax.tree.leaves(eqx.filter(tree, trainable(tree, corrections=rung))))
+        for rung in range(RUNGS + 1)
+    ]
+    assert free == [2, 5, 9]
+    assert [count_parameters(tree, corrections=rung) for rung in range(RUNGS + 1)] == free
+    assert count_parameters(tree) == 9

@@ -14,6 +14,8 @@ from ._functions import AbstractFunction
 from ._known import Known
 from ._triangles import lower_triangle
 
+_ROUNDED = 1e-6  # The ε that rounds a joint's law off at zero; ε/2 of it remains where there is no such friction.
+
 
 class AbstractFriction(eqx.Module):
     """Dissipation matrix as a function of configuration and velocity, positive semidefinite by construction."""
@@ -41,17 +43,17 @@ class ViscousFriction(AbstractFriction):
 
 @final
 class JointFriction(AbstractFriction):
-    """Friction D(q, v) = S L Lᵀ S of viscous, dry and quadratic parts, passive by construction.
+    """Friction D(q, v) = S (B(q) B(q)ᵀ + diag ℓ(v)) S of viscous, dry and quadratic parts, passive by construction.
 
-    The factor is L(q, v) = B(q) + diag ℓ(v): a lower triangle that may depend on the configuration, and each joint's
-    own law. With w = vᵢ / `speed`ᵢ, ℓᵢ = Σₖ cᵢₖ ψₖ(w). Squared, ψₖ = (1 + (w/wₖ)²)^(−1/4) is dry (Coulomb) friction
-    smoothed below the speed wₖ, (1 + (w/wₖ)²)^(−1/2) its excess at low speed (Stribeck), and (1 + w²)^(1/4) − 1
-    quadratic drag. The coefficients are free in sign, which keeps least squares on them well behaved: with
-    squared coefficients cᵢₖ² Levenberg-Marquardt stalled.
+    The lower triangle B may depend on the configuration; ℓ is each joint's own law. With w = vᵢ / `speed`ᵢ it is
+    ℓᵢ = ½ (x + √(x² + ε²)), x = Σₖ cᵢₖ ψₖ(w): close to x where x is positive and never negative. The shape
+    ψₖ = (1 + (w/wₖ)²)^(−½) is dry (Coulomb) friction smoothed below the speed wₖ, (1 + (w/wₖ)²)^(−1) its excess at low
+    speed (Stribeck), and √(1 + w²) − 1 quadratic drag. Dry and viscous friction simply add up, as on real joints; as
+    squares of one sum they did not, and on a measured arm the errors over a second were a third larger.
 
     Attributes:
         viscous: Entries of the lower triangle B(q), row by row.
-        laws: The cᵢₖ, joint by joint.
+        laws: The cᵢₖ, joint by joint, of either sign.
         scale: Diagonal of S: square roots of the physical units.
         speed: Typical speed of each joint.
         knees: The wₖ.
@@ -76,11 +78,12 @@ class JointFriction(AbstractFriction):
         """Matrix at the configuration `q` and the velocity `v`."""
         w = v / self.speed.value
         knee = 1 + (w[:, None] / jnp.asarray(self.knees, w.dtype)[None]) ** 2
-        shapes = jnp.concatenate([knee**-0.25, knee**-0.5, ((1 + w**2) ** 0.25 - 1)[:, None]], axis=1)
-        joint = jnp.sum(self.laws(q).reshape(shapes.shape) * shapes, axis=1)
-        triangle = lower_triangle(self.viscous(q), size=w.shape[0]) + jnp.diag(joint)
-        factor = self.scale.value[:, None] * triangle
-        return factor @ factor.T
+        shapes = jnp.concatenate([knee**-0.5, 1 / knee, (jnp.sqrt(1 + w**2) - 1)[:, None]], axis=1)
+        x = jnp.sum(self.laws(q).reshape(shapes.shape) * shapes, axis=1)
+        joint = (x + jnp.sqrt(x**2 + _ROUNDED**2)) / 2
+        scale = self.scale.value
+        factor = scale[:, None] * lower_triangle(self.viscous(q), size=w.shape[0])
+        return factor @ factor.T + jnp.diag(joint * scale**2)
 
 
 @final
