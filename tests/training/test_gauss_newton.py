@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from symoden.blocks import RUNGS
 from symoden.data import windows
 from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, build
@@ -46,7 +47,7 @@ CASES = [(kind, "zero", False) for kind in KINDS] + [("dissipative", "linear", F
 def test_sensitivities_are_the_derivative_of_the_residuals(kind, hold, momenta, pendulum, small, scrambled):
     config = dataclasses.replace(small, kind=kind)
     model, objective, batch = problem(pendulum(momenta=momenta), config, hold, momenta=momenta)
-    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=True)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=RUNGS)
     r, J, residuals, jacobian = two_ways(restore, theta, objective, one(batch, 0))
     assert np.asarray(r) == pytest.approx(np.asarray(residuals), abs=1e-12)
     size = 1 + np.abs(jacobian).max()
@@ -57,7 +58,7 @@ def test_sensitivities_are_the_derivative_of_the_residuals(kind, hold, momenta, 
 def test_dry_friction_and_full_friction_have_exact_sensitivities_too(pendulum, small, scrambled):
     for change in ({"knees": (0.1, 1.0)}, {"full_friction": True}):
         model, objective, batch = problem(pendulum(), dataclasses.replace(small, **change))
-        restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=True)
+        restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=RUNGS)
         _, J, _, jacobian = two_ways(restore, theta, objective, one(batch, 1))
         size = 1 + np.abs(jacobian).max()
         assert np.asarray(J) / size == pytest.approx(np.asarray(jacobian) / size, abs=1e-10)
@@ -65,7 +66,7 @@ def test_dry_friction_and_full_friction_have_exact_sensitivities_too(pendulum, s
 
 def test_the_chunk_changes_the_normal_equations_by_rounding_alone(pendulum, small):
     model, objective, batch = problem(pendulum(), small)
-    restore, theta = Flattening.of(model, corrections=False)
+    restore, theta = Flattening.of(model, corrections=0)
     whole = normal_equations(restore, theta, objective, batch, precision=jnp.float64)
     assert whole.residuals.shape == (batch.ts.shape[0], 3, 3)
     for chunk in (1, 5, 100):
@@ -77,7 +78,7 @@ def test_the_chunk_changes_the_normal_equations_by_rounding_alone(pendulum, smal
 
 def test_the_gradient_of_the_loss_is_twice_that_of_the_normal_equations(pendulum, small):
     model, objective, batch = problem(pendulum(), small)
-    restore, theta = Flattening.of(model, corrections=True)
+    restore, theta = Flattening.of(model, corrections=RUNGS)
     equations = normal_equations(restore, theta, objective, batch, precision=jnp.float64)
     loss, slope = jax.value_and_grad(lambda theta: objective.loss(restore(theta), batch))(theta)
     assert equations.loss == pytest.approx(float(loss), rel=1e-12)
@@ -86,7 +87,7 @@ def test_the_gradient_of_the_loss_is_twice_that_of_the_normal_equations(pendulum
 
 def test_a_jacobian_in_single_precision_changes_the_equations_by_its_rounding(pendulum, small):
     model, objective, batch = problem(pendulum(), small)
-    restore, theta = Flattening.of(model, corrections=True)
+    restore, theta = Flattening.of(model, corrections=RUNGS)
     single, double = (normal_equations(restore, theta, objective, batch, precision=p) for p in (jnp.float32, float))
     assert np.array_equal(single.residuals, double.residuals)
     assert single.matrix == pytest.approx(double.matrix, abs=1e-5 * np.abs(double.matrix).max())
@@ -96,7 +97,7 @@ def test_a_jacobian_in_single_precision_changes_the_equations_by_its_rounding(pe
 
 def test_pulling_back_is_the_transpose_of_the_jacobian_for_any_chunk(pendulum, small, scrambled):
     model, objective, batch = problem(pendulum(), small)
-    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=True)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=RUNGS)
     equations = normal_equations(restore, theta, objective, batch, precision=float)
     expected = equations.gradient * equations.residuals.size
     for chunk in (1, 5, 100):
@@ -106,7 +107,7 @@ def test_pulling_back_is_the_transpose_of_the_jacobian_for_any_chunk(pendulum, s
 
 def test_an_accelerated_step_misses_the_bottom_by_the_third_order(pendulum, small, monkeypatch):
     model, objective, batch = problem(pendulum(momenta=True), small, momenta=True)
-    restore, bottom = Flattening.of(model, corrections=False)
+    restore, bottom = Flattening.of(model, corrections=0)
     exact = jax.vmap(lambda w: rollout(restore(bottom), w.q[0], w.rates[0], w.ts, w.us))(batch)
     batch = batch._replace(q=exact.q, rates=exact.rates)
     away = jnp.asarray(np.random.default_rng(0).normal(size=bottom.size))

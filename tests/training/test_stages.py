@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from symoden.blocks import RUNGS
 from symoden.models import build
 from symoden.spaces import Space
 from symoden.training import _fit, _levenberg_marquardt as _levenberg
@@ -41,7 +42,7 @@ def test_a_loss_in_the_units_of_the_data_has_no_such_bound(stage):
 
 def test_no_block_grows_where_the_rest_explains_the_motion(stage):
     stage, state = stage
-    growth = dataclasses.replace(stage, corrections=True)
+    growth = dataclasses.replace(stage, corrections=RUNGS)
     after, report = growth.advance(state._replace(best_loss=9e-7))
     assert (after.step, report.finished, report.outcome) == (1, True, "nothing left to explain")
     after, _ = growth.advance(state._replace(best_loss=2e-6))

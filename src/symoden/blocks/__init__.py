@@ -13,6 +13,7 @@ from ._corrected import (
 from ._fields import (
     AbstractBlock as AbstractBlock,
     CholeskyBlock as CholeskyBlock,
+    GramBlock as GramBlock,
     InverseBlock as InverseBlock,
     KnownFunction as KnownFunction,
     KnownValue as KnownValue,
@@ -42,8 +43,9 @@ from ._functions import (
     Perceptron as Perceptron,
     Sum as Sum,
 )
+from ._harmonics import Harmonics as Harmonics
 from ._known import Known as Known
-from ._trainable import count_parameters as count_parameters, trainable as trainable
+from ._trainable import RUNGS as RUNGS, count_parameters as count_parameters, trainable as trainable
 from ._triangles import (
     identity_triangle as identity_triangle,
     inverse_of_positive as inverse_of_positive,
@@ -52,6 +54,7 @@ from ._triangles import (
 
 __all__ = [
     "ACTIVATIONS",
+    "RUNGS",
     "AbstractBlock",
     "AbstractFriction",
     "AbstractFunction",
@@ -65,6 +68,8 @@ __all__ = [
     "Formula",
     "FormulaBlock",
     "FormulaFriction",
+    "GramBlock",
+    "Harmonics",
     "InverseBlock",
     "JointFriction",
     "Known",

@@ -7,32 +7,33 @@ from jaxtyping import PyTree
 from ._functions import Correction
 from ._known import Known
 
+RUNGS = 2  # Of the ladder that corrections are set free on.
 
-def trainable(model: PyTree, *, corrections: bool = True) -> PyTree:
+
+def trainable(model: PyTree, *, corrections: int = RUNGS) -> PyTree:
     """Say which leaves training may change.
 
     Args:
         model: Any tree of modules.
-        corrections: Whether terms marked as `Correction` are free.
+        corrections: Up to which rung terms marked as `Correction` are free; 0 for none of them.
 
     Returns:
         Tree prefix of booleans, for `eqx.partition`: false for `Known` arrays, for whatever is no array of floats,
         and for frozen corrections.
     """
-    fixed = (Known,) if corrections else (Known, Correction)
-    return jax.tree.map(
-        lambda leaf: not isinstance(leaf, fixed) and eqx.is_inexact_array(leaf),
-        model,
-        is_leaf=lambda node: isinstance(node, fixed),
-    )
+
+    def is_fixed(node: object) -> bool:
+        return isinstance(node, Known) or (isinstance(node, Correction) and node.rung > corrections)
+
+    return jax.tree.map(lambda leaf: not is_fixed(leaf) and eqx.is_inexact_array(leaf), model, is_leaf=is_fixed)
 
 
-def count_parameters(model: PyTree, *, corrections: bool = True) -> int:
+def count_parameters(model: PyTree, *, corrections: int = RUNGS) -> int:
     """Number of trainable parameters.
 
     Args:
         model: Any tree of modules.
-        corrections: Whether those of terms marked as `Correction` count.
+        corrections: Up to which rung those of terms marked as `Correction` count.
 
     Returns:
         Number of scalars that training may change.

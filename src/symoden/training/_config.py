@@ -29,7 +29,8 @@ class TrainingConfig:
         damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
         prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
-        growth_steps: Further steps in which the blocks' corrections are free; kept if validation gains.
+        growth_steps: Further steps in which dry and quadratic friction is free, and as many again in which the blocks'
+            networks are; kept if validation gains.
     """
 
     seed: int = 0
@@ -47,7 +48,7 @@ class TrainingConfig:
     weight_decay: float = 0.0
     keep_best: bool = True
     scaled_loss: bool = True
-    lm_steps: int = 20
+    lm_steps: int = 60
     lm_horizon: int | None = None
     lm_substeps: int | None = None
     damping: float = 1e-4

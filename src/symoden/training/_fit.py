@@ -11,7 +11,7 @@ import numpy as np
 import optax
 from jax.typing import DTypeLike
 
-from symoden.blocks import Correction, count_parameters
+from symoden.blocks import RUNGS, count_parameters
 from symoden.data import Dataset, split_validation, windows
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
@@ -153,7 +153,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     dynamics = candidates[0]
     if not count_parameters(dynamics):
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
-    free = count_parameters(dynamics, corrections=False) > 0  # Else every part is given, and some are corrected.
+    free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
     if config.adam_steps and free:
         data, optimizer = _adam_data(dataset, dynamics, config), _optimizer(config)
@@ -162,8 +162,10 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         data = _levenberg_data(dataset, dynamics, config)
         if free:
             stages.append(LevenbergStage(data, config))
-        if config.growth_steps and _has_corrections(dynamics):
-            stages.append(LevenbergStage(data, config, corrections=True))
+        if config.growth_steps:
+            counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
+            freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1]]
+            stages.extend(LevenbergStage(data, config, corrections=rung) for rung in freed)
     state = TrainingState(
         stage=0,
         step=0,
@@ -223,9 +225,3 @@ def _horizon(dataset: Dataset, share: float, least: int) -> int:
     longest = min(len(recording) for recording in recordings) - 1
     wanted = max(least, round(share * time_scale(dataset.train) / step))
     return max(1, longest // max(1, min(2, longest // least), round(longest / wanted)))
-
-
-def _has_corrections(dynamics: AbstractDynamics) -> bool:
-    """Whether a block has a correction to set free."""
-    leaves = jax.tree.leaves(dynamics, is_leaf=lambda node: isinstance(node, Correction))
-    return any(isinstance(leaf, Correction) for leaf in leaves)

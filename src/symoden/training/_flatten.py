@@ -28,13 +28,13 @@ class Flattening(eqx.Module):
 
     @classmethod
     def of(
-        cls, model: PyTree, *, corrections: bool, dtype: DTypeLike = float
+        cls, model: PyTree, *, corrections: int, dtype: DTypeLike = float
     ) -> tuple["Flattening", Float[Array, " P"]]:
         """Split a model.
 
         Args:
             model: Any tree of modules.
-            corrections: Whether terms marked as `Correction` are free.
+            corrections: Up to which rung terms marked as `Correction` are free.
             dtype: Precision of the vector and of the arrays that stay.
 
         Returns:

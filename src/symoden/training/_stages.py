@@ -146,12 +146,12 @@ class AdamStage(AbstractStage):
         """Begin with fresh weights and an empty memory."""
         dtype = self.data.train.q.dtype
         model = cast(self.fresh, dtype)
-        memory = self.optimizer.init(eqx.filter(model, trainable(model, corrections=False)))
+        memory = self.optimizer.init(eqx.filter(model, trainable(model, corrections=0)))
         return state._replace(step=0, model=model, best=cast(state.best, dtype), optimizer=memory)
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
-        free, fixed = eqx.partition(state.model, trainable(state.model, corrections=False))
+        free, fixed = eqx.partition(state.model, trainable(state.model, corrections=0))
         steps = min(_CHUNK, self.steps - state.step)
         before = AdamState(free, state.optimizer, jnp.asarray(state.step))
         after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self.optimizer, steps=steps)
@@ -185,17 +185,18 @@ class LevenbergStage(AbstractStage):
     Attributes:
         data: Windows that hardly overlap, in double precision.
         config: Settings.
-        corrections: Whether the blocks' corrections are free. Such a stage is skipped where nothing is left to explain.
+        corrections: Up to which rung corrections are free: none, those of friction, all. A stage that frees some is
+            skipped where nothing is left to explain.
     """
 
     data: Data
     config: TrainingConfig
-    corrections: bool = False
+    corrections: int = 0
 
     @property
     def name(self) -> str:
         """What reports call it."""
-        return "growth" if self.corrections else "levenberg-marquardt"
+        return ("levenberg-marquardt", "friction", "growth")[self.corrections]
 
     @property
     def steps(self) -> int:
