@@ -61,7 +61,7 @@ def test_knees_give_dry_friction_coefficients_of_its_own():
     assert isinstance(model.friction, JointFriction)
     laws = jax.tree.leaves(model.friction.laws)
     assert [law.shape for law in laws] == [(2 * 5,)]
-    assert not any(jax.tree.leaves(trainable(model, corrections=False).friction.laws))  # frozen until asked for
+    assert not any(jax.tree.leaves(trainable(model, corrections=0).friction.laws))  # frozen until asked for
     freed = eqx.tree_at(lambda model: jax.tree.leaves(model.friction.laws), model, [jnp.ones(10)])
     assert np.abs(motion(freed) - motion(model)).max() > 1e-3
 
@@ -102,7 +102,7 @@ def test_corrections_are_silent_and_frozen_at_first():
     constant = dataclasses.replace(BASE, friction=BlockConfig(constant=True))
     assert np.asarray(motion(made(corrected))) == pytest.approx(np.asarray(motion(made(constant))), abs=1e-12)
     model = made(corrected)
-    frozen = jax.tree.leaves(eqx.filter(model, trainable(model, corrections=False)))
+    frozen = jax.tree.leaves(eqx.filter(model, trainable(model, corrections=0)))
     free = jax.tree.leaves(eqx.filter(model, trainable(model)))
     assert sum(x.size for x in free) - sum(x.size for x in frozen) == 5 * 3 + 5 + 3 * 5 + 3
 

@@ -124,7 +124,7 @@ def test_a_correction_is_silent_at_first_and_then_changes_its_part(name, scrambl
     for i, (plain, silent, changed) in enumerate(triples):
         assert np.asarray(silent) == pytest.approx(np.asarray(plain), rel=1e-12, abs=1e-12)
         assert np.allclose(plain, changed, rtol=1e-6, atol=1e-9) == (i not in of)
-    assert count_parameters(corrected, corrections=False) == 2
+    assert count_parameters(corrected, corrections=0) == 2
     assert given_parts(corrected)[name] == "given up to a correction"
 
 

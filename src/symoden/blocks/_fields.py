@@ -120,6 +120,39 @@ class CholeskyBlock(AbstractBlock):
 
 
 @final
+class GramBlock(AbstractBlock):
+    """A symmetric positive definite matrix field S (Jᵀ J + ε I) S, such as a mass matrix.
+
+    Kinetic energy is a sum of squares, ½ Σ m |velocity|², of velocities J(q) v. The Jacobian J of rigid bodies on
+    joints is a simpler function than M⁻¹ or a Cholesky factor.
+
+    Attributes:
+        function: Gives the entries of J, row by row; any number of rows.
+        scale: Diagonal of S: square roots of the physical units.
+        floor: The constant ε that bounds the scaled eigenvalues from below.
+    """
+
+    function: AbstractFunction
+    scale: Known
+    floor: float = eqx.field(static=True)
+
+    def __check_init__(self) -> None:
+        """Refuse a floor that does not bound.
+
+        Raises:
+            ValueError: If `floor` is not positive, for the matrix could then be singular.
+        """
+        if self.floor <= 0:
+            raise ValueError(f"`floor` must be positive; got {self.floor}.")
+
+    def __call__(self, q: Coordinates) -> SquareMatrix:
+        """Matrix at `q`."""
+        scale = self.scale.value
+        jacobian = self.function(q).reshape(-1, scale.shape[0]) * scale[None]
+        return jacobian.T @ jacobian + jnp.diag(self.floor * scale**2)
+
+
+@final
 class InverseBlock(AbstractBlock):
     """The inverse of a matrix field: M⁻¹ where M is given.
 

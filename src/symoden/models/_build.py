@@ -17,6 +17,9 @@ from symoden.blocks import (
     Congruence,
     Constant,
     Correction,
+    GramBlock,
+    Harmonics,
+    InverseBlock,
     JointFriction,
     Known,
     KnownValue,
@@ -42,6 +45,9 @@ from ._unstructured import UnstructuredModel
 Kind = Literal["dissipative", "unstructured", "symoden", "naive", "geometric"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
+_BODIES = 3  # Rows of the Jacobian for each coordinate; with two, one start in four ended in a poor minimum.
+_SPREAD = 0.3  # Of the harmonics' first weights; with 0.1, one start in four did.
+
 
 @dataclass(frozen=True, kw_only=True)
 class BlockConfig:
@@ -51,19 +57,24 @@ class BlockConfig:
         hidden: Widths of the hidden layers; none for a plain constant.
         constant: Start from a learned constant. With `hidden`, the network is then a correction that starts at zero
             and stays frozen until validation data ask for it.
+        harmonics: On a space with angles, start likewise from products of their first harmonics and of low powers of
+            lengths, as rigid bodies on joints have them. On lengths alone the network is free from the start.
     """
 
     hidden: tuple[int, ...] = ()
     constant: bool = False
+    harmonics: bool = False
 
     def __post_init__(self) -> None:
         """Refuse a block without parameters, and empty layers.
 
         Raises:
-            ValueError: If there is neither a constant nor a network, or a width is below 1.
+            ValueError: If there is nothing to start from, or more than one thing, or a width is below 1.
         """
-        if not self.hidden and not self.constant:
-            raise ValueError("A block needs `hidden` layers or `constant=True`; got neither.")
+        if not self.hidden and not (self.constant or self.harmonics):
+            raise ValueError("A block needs `hidden` layers, `constant=True` or `harmonics=True`; got none.")
+        if self.constant and self.harmonics:
+            raise ValueError("A block starts from a constant or from harmonics, which have one; got both.")
         if any(width < 1 for width in self.hidden):
             raise ValueError(f"Every width in `hidden` must be at least 1; got {self.hidden}.")
 
@@ -74,7 +85,7 @@ class ModelConfig:
 
     Attributes:
         kind: Which of the five models.
-        inverse_mass: Block of M⁻¹.
+        inverse_mass: Block of M⁻¹; with harmonics, of the Jacobian whose square is M.
         potential: Block of V.
         actuation: Block of g, unless it is given.
         friction: Block of D, or of its viscous part.
@@ -85,13 +96,14 @@ class ModelConfig:
             and quadratic friction is a correction, which stays zero until validation data ask for it.
         activation: Nonlinearity of every network. If None, "silu" on a space with angles, whose embedding is bounded,
             and "sin" on one of lengths alone, over which properties may change back and forth many times.
-        floor: Lower bound ε of the eigenvalues of the scaled M⁻¹.
+        floor: Lower bound ε of the eigenvalues of the scaled M⁻¹; its square is that of the scaled
+            M where it starts from harmonics.
         scaled: Let networks read and write natural units of the data; the paper's do not.
     """
 
     kind: Kind = "dissipative"
-    inverse_mass: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(20, 20)))
-    potential: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(20, 20)))
+    inverse_mass: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(20, 20), harmonics=True))
+    potential: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(20, 20), harmonics=True))
     actuation: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(8,), constant=True))
     friction: BlockConfig = field(default_factory=lambda: BlockConfig(hidden=(8,), constant=True))
     energy: tuple[int, ...] = (32, 32)
@@ -219,9 +231,16 @@ class _Maker:
     scales: Scales
     input_matrix: np.ndarray | None
 
-    def inverse_mass(self, key: PRNGKeyArray) -> CholeskyBlock:
+    def inverse_mass(self, key: PRNGKeyArray) -> AbstractBlock:
         """M⁻¹, near the identity in natural units at the start unless the data's units are used."""
         n = self.space.size
+        if self._is_harmonic(self.config.inverse_mass):
+            rows = _BODIES * n
+            jacobian = self._function(
+                self.config.inverse_mass, rows * n, base=np.eye(rows, n).ravel(), powers=1, key=key
+            )
+            scale = _known(np.sqrt(self.scales.momentum / self.scales.velocity))
+            return InverseBlock(GramBlock(jacobian, scale, floor=self.config.floor**2))
         base = identity_triangle(n) if self.config.scaled else None
         return CholeskyBlock(
             function=self._function(self.config.inverse_mass, n * (n + 1) // 2, base=base, key=key),
@@ -255,7 +274,7 @@ class _Maker:
             return ViscousFriction(CholeskyBlock(function=viscous, scale=_known(unit)))
         return JointFriction(
             viscous=viscous,
-            laws=Correction(Constant(jnp.zeros(n * JointFriction.shapes(self.config.knees), float))),
+            laws=Correction(Constant(jnp.zeros(n * JointFriction.shapes(self.config.knees), float)), rung=1),
             scale=_known(unit),
             speed=_known(s.velocity),
             knees=self.config.knees,
@@ -320,16 +339,38 @@ class _Maker:
         activation = self.config.activation or ("silu" if any(self.space.is_angle) else "sin")
         return Perceptron.init(sizes, activation=activation, **standard, key=key)
 
+    def _is_harmonic(self, config: BlockConfig) -> bool:
+        """Whether a block starts from harmonics; without angles there are none."""
+        return config.harmonics and bool(any(self.space.is_angle) or not config.hidden)
+
     def _function(
-        self, config: BlockConfig, size: int, *, base: np.ndarray | float | None = None, key: PRNGKeyArray
+        self,
+        config: BlockConfig,
+        size: int,
+        *,
+        base: np.ndarray | float | None = None,
+        powers: int = 2,
+        key: PRNGKeyArray,
     ) -> AbstractFunction:
-        """Coefficients of a block; a `base` is what a constant starts from."""
-        constant = Constant(jnp.broadcast_to(jnp.asarray(0.0 if base is None else base, float), (size,)))
+        """Coefficients of a block; a `base` is what a constant starts from, `powers` those of lengths in harmonics."""
+        start: AbstractFunction = Constant(jnp.broadcast_to(jnp.asarray(0.0 if base is None else base, float), (size,)))
+        if self._is_harmonic(config):
+            standard = self._standard()
+            harmonics = Harmonics.init(
+                self.space,
+                size,
+                powers=powers,
+                spread=_SPREAD,
+                center=standard.get("center"),
+                scale=standard.get("scale"),
+                key=jax.random.fold_in(key, 0),
+            )
+            start = eqx.tree_at(lambda h: h.weights, harmonics, harmonics.weights.at[0].set(start.values))
         if not config.hidden:
-            return constant
+            return start
         perceptron = self._perceptron(self._standard(), config.hidden, size, key=key)
-        if config.constant:
-            return Sum((constant, Correction(Network(self.space, _silenced(perceptron)))))
+        if config.constant or self._is_harmonic(config):
+            return Sum((start, Correction(Network(self.space, _silenced(perceptron)))))
         if base is not None and self.config.scaled:
-            return Sum((constant, Network(self.space, perceptron)))
+            return Sum((start, Network(self.space, perceptron)))
         return Network(self.space, perceptron)

@@ -16,6 +16,7 @@ from symoden.blocks import (
     CorrectedMatrix,
     FormulaBlock,
     FormulaFriction,
+    GramBlock,
     InverseBlock,
     JointFriction,
     Known,
@@ -96,7 +97,7 @@ def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
             return InverseBlock(_block(block.matrix, 1 / factor))
         case KnownValue() | KnownFunction() | FormulaBlock() | CorrectedBlock() | CorrectedMatrix():
             return _given(block, factor)
-        case CholeskyBlock():
+        case CholeskyBlock() | GramBlock():
             return dataclasses.replace(block, scale=_times(block.scale, math.sqrt(factor)))
         case ScalarBlock() | MatrixBlock():
             return dataclasses.replace(block, scale=_times(block.scale, factor))

@@ -1,0 +1,102 @@
+"""Functions made of the first harmonics of angles and low powers of lengths, as rigid bodies on joints have them."""
+
+import itertools
+import math
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from symoden.shapes import Coordinates
+from symoden.spaces import Space
+
+from ._functions import AbstractFunction, Coefficients
+from ._known import Known
+
+
+@final
+class Harmonics(AbstractFunction):
+    """Linear combination of products of one factor per coordinate: of 1, cos φ, sin φ or of 1, r, …, rᵖ.
+
+    On joints that turn or slide, the Jacobians of rigid bodies are such combinations with p = 1, and their potential
+    energy in gravity and against linear springs along lengths with p = 2.
+
+    Attributes:
+        weights: Coefficient of every product in every output.
+        space: Configuration space.
+        center: Subtracted from the embedded coordinates.
+        scale: Divides them then.
+        powers: Highest power p of a length.
+        order: Largest number of factors of a product that are not 1.
+    """
+
+    weights: Float[Array, "f k"]
+    space: Space
+    center: Known
+    scale: Known
+    powers: int = eqx.field(static=True)
+    order: int = eqx.field(static=True)
+
+    @classmethod
+    def init(
+        cls,
+        space: Space,
+        outputs: int,
+        *,
+        powers: int = 2,
+        order: int = 3,
+        spread: float = 0.1,
+        center: np.ndarray | None = None,
+        scale: np.ndarray | None = None,
+        key: PRNGKeyArray,
+    ) -> "Harmonics":
+        """Draw small weights.
+
+        Args:
+            space: Configuration space.
+            outputs: Number of coefficients k.
+            powers: Highest power of a length.
+            order: Largest number of factors that are not 1; no more than coordinates are taken.
+            spread: Standard deviation of the weights.
+            center: Subtracted from the embedded coordinates; zeros if absent.
+            scale: Divides them then; ones if absent.
+            key: Source of the weights.
+
+        Returns:
+            The function.
+
+        Example:
+            >>> Harmonics.init(Space.parse("T2"), 1, key=jax.random.key(0)).weights.shape
+            (9, 1)
+        """
+        order = min(order, space.size)
+        return cls(
+            weights=spread * jax.random.normal(key, (len(_products(space, powers, order)), outputs), float),
+            space=space,
+            center=Known(jnp.asarray(np.zeros(space.embedded_size) if center is None else center, float)),
+            scale=Known(jnp.asarray(np.ones(space.embedded_size) if scale is None else scale, float)),
+            powers=powers,
+            order=order,
+        )
+
+    def __call__(self, q: Coordinates) -> Coefficients:
+        """Coefficients at the configuration `q`."""
+        r, cosines, sines = jnp.split(
+            (self.space.embed(q) - self.center.value) / self.scale.value,
+            np.cumsum([len(self.space.lengths), len(self.space.angles)]),
+        )
+        of_lengths = jnp.stack([r**power for power in range(self.powers + 1)], axis=1)
+        of_angles = jnp.stack([jnp.ones_like(cosines), cosines, sines], axis=1)
+        chosen = np.array(_products(self.space, self.powers, self.order))
+        factors = [of_lengths[i, chosen[:, i]] for i in range(len(r))]
+        factors += [of_angles[i, chosen[:, len(r) + i]] for i in range(len(cosines))]
+        return math.prod(factors) @ self.weights
+
+
+def _products(space: Space, powers: int, order: int) -> list[tuple[int, ...]]:
+    """Which factor of every length, then of every angle, each product takes; the constant product first."""
+    choices = [range(powers + 1)] * len(space.lengths) + [range(3)] * len(space.angles)
+    return [choice for choice in itertools.product(*choices) if np.count_nonzero(choice) <= order]
