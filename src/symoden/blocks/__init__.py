@@ -45,7 +45,12 @@ from ._functions import (
 )
 from ._harmonics import Harmonics as Harmonics
 from ._known import Known as Known
-from ._trainable import RUNGS as RUNGS, count_parameters as count_parameters, trainable as trainable
+from ._trainable import (
+    RUNGS as RUNGS,
+    count_parameters as count_parameters,
+    highest_rung as highest_rung,
+    trainable as trainable,
+)
 from ._triangles import (
     identity_triangle as identity_triangle,
     inverse_of_positive as inverse_of_positive,
@@ -85,6 +90,7 @@ __all__ = [
     "Sum",
     "ViscousFriction",
     "count_parameters",
+    "highest_rung",
     "identity_triangle",
     "inverse_of_positive",
     "lower_triangle",

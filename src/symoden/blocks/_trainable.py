@@ -2,7 +2,10 @@
 
 import equinox as eqx
 import jax
+import numpy as np
 from jaxtyping import PyTree
+
+from symoden.shapes import Coordinates
 
 from ._functions import Correction
 from ._known import Known
@@ -26,6 +29,21 @@ def trainable(model: PyTree, *, corrections: int = RUNGS) -> PyTree:
         return isinstance(node, Known) or (isinstance(node, Correction) and node.rung > corrections)
 
     return jax.tree.map(lambda leaf: not is_fixed(leaf) and eqx.is_inexact_array(leaf), model, is_leaf=is_fixed)
+
+
+def highest_rung(model: PyTree, q: Coordinates) -> int:
+    """Which corrections training has set free and kept.
+
+    Args:
+        model: Any tree of modules.
+        q: Any configuration of its space; there a correction that was never free is zero.
+
+    Returns:
+        The highest rung of a correction that is not silent; 0 if all are.
+    """
+    leaves = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction))
+    found = [leaf for leaf in leaves if isinstance(leaf, Correction)]
+    return max((correction.rung for correction in found if np.any(np.asarray(correction(q)))), default=0)
 
 
 def count_parameters(model: PyTree, *, corrections: int = RUNGS) -> int:

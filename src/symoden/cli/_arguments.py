@@ -89,11 +89,13 @@ class Evaluate:
     Attributes:
         run: Folder of the run.
         source: Another task or description than the run's own.
+        bands: Also predict with 90 % bands, and say how many of a data set's measured positions they cover.
         general: How to report.
     """
 
     run: RunFolder
     source: Annotated[Positional[str | None], arg(metavar="[SOURCE]", help_behavior_hint="(default: the run's)")] = None
+    bands: bool = False
     general: General = field(default_factory=General)
 
 
@@ -120,7 +122,7 @@ class Predict:
 
 @dataclass(frozen=True, kw_only=True)
 class Inspect:
-    """Show what a model learned: M, V, g and D over the data's range, their eigenvalues, and the power audit.
+    """Show what a model learned and how certain it is: M, V, g and D over the data's range, and the power audit.
 
     Attributes:
         run: Folder of the run.

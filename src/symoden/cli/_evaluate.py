@@ -1,9 +1,23 @@
 """`symoden evaluate`."""
 
-from symoden.experiments import read_model, read_run, read_run_source
+import dataclasses
+from dataclasses import asdict
+
+from symoden.experiments import (
+    BandScore,
+    RunConfig,
+    Source,
+    evaluation_solver,
+    read_model,
+    read_run,
+    read_run_source,
+    score_bands,
+)
+from symoden.mechanics import AbstractDynamics
+from symoden.training import hold_out, infer_posterior
 
 from ._arguments import Evaluate
-from ._output import print_json
+from ._output import number, print_json
 from ._scores import report_scores
 
 
@@ -17,5 +31,21 @@ def run(command: Evaluate) -> None:
     model = read_model(command.run)
     source = read_run_source(config, command.source)
     scores = report_scores(model, config, source, json=command.general.json)
+    bands = _bands(model, config, source) if command.bands else None
     if command.general.json:
-        print_json(scores)
+        print_json(scores if bands is None else scores | {"bands": asdict(bands)})
+    elif bands is not None:
+        print(
+            f"\n{bands.level:.0%} bands over windows of 1 s cover {bands.coverage:.1%} of the positions of the "
+            f"{bands.split} recordings; median half width {number(bands.half_width)}, {bands.from_parameters:.0%} of "
+            f"the variance from uncertain parameters; width set by the {bands.calibrated_on} recordings"
+        )
+
+
+def _bands(model: AbstractDynamics, config: RunConfig, source: Source) -> BandScore:
+    """Bands from the run's own data, judged on the recordings of the source that were not trained on."""
+    own = read_run_source(config).dataset
+    posterior = infer_posterior(model, own, config.training)
+    held = hold_out(own, config.training)
+    judged = dataclasses.replace(held, test=source.dataset.test)
+    return score_bands(posterior, judged, solver=evaluation_solver(config))

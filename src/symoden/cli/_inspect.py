@@ -6,13 +6,15 @@ from itertools import combinations_with_replacement, product
 
 import numpy as np
 
-from symoden.data import Trajectory
+from symoden.data import Dataset, Trajectory
 from symoden.experiments import (
     Audit,
+    Certainty,
     Inspection,
     Profile,
     RunConfig,
     audit,
+    certainty,
     evaluation_solver,
     inspect_model,
     read_model,
@@ -20,6 +22,7 @@ from symoden.experiments import (
     read_run_source,
 )
 from symoden.mechanics import AbstractDynamics
+from symoden.training import infer_posterior
 
 from ._arguments import Inspect
 from ._output import number, print_json, print_table
@@ -36,9 +39,17 @@ def run(command: Inspect) -> None:
     config = read_run(command.run)
     model = read_model(command.run)
     found = inspect_model(model, config.data.ranges)
-    audited = _audited(model, config)
+    try:
+        dataset, missing = read_run_source(config).dataset, ""
+    except ValueError as error:
+        dataset, missing = None, "the run's data cannot be read: " + " ".join(str(error).split())
+    audited: dict[str, object] = {"unavailable": missing}
+    certain, uncertain = None, missing
+    if dataset is not None:
+        audited = _audited(model, config, dataset)
+        certain, uncertain = _certainty(model, config, dataset, found)
     if command.general.json:
-        print_json(_as_json(found, audited))
+        print_json(_as_json(found, audited, _certainty_as_json(certain, uncertain)))
         return
     print(f"{command.run}: {config.model.kind} model of {config.source}, space {found.space}")
     print(f"parameters: {found.parameters}")
@@ -46,7 +57,10 @@ def run(command: Inspect) -> None:
     for name, how in found.given.items():
         print(f"{name}: {how}")
     if found.identified:
-        print_table("identified parameters", ("name", "value"), [[*item] for item in found.identified.items()])
+        rows = [
+            (name, _banded(value, certain and certain.identified[name])) for name, value in found.identified.items()
+        ]
+        print_table("identified parameters", ("name", "value"), rows)
     for name, extremes in (("M", found.mass_matrix_eigenvalues), ("D", found.dissipation_eigenvalues)):
         where = (
             "does not apply: this kind of model has none"
@@ -54,19 +68,35 @@ def run(command: Inspect) -> None:
             else "{} to {}".format(*map(number, extremes))
         )
         print(f"eigenvalues of {name} over the data's range: {where}")
-    for profile in found.profiles:
-        _print_profile(profile, config.data.position_names, config.data.input_names)
-    _print_friction(found, config.data.position_names)
+    for i, profile in enumerate(found.profiles):
+        widths = certain and certain.profiles[i]
+        _print_profile(profile, widths, config.data.position_names, config.data.input_names)
+    _print_friction(found, certain, config.data.position_names)
+    _print_certainty(certain, uncertain)
     _print_audit(audited)
 
 
-def _audited(model: AbstractDynamics, config: RunConfig) -> dict[str, object]:
-    """Audit on the recordings that were not trained on; the reason where the data cannot be read."""
+def _certainty(
+    model: AbstractDynamics, config: RunConfig, dataset: Dataset, found: Inspection
+) -> tuple[Certainty | None, str]:
+    """Bands on what was found, or why there are none."""
     try:
-        source = read_run_source(config)
+        return certainty(infer_posterior(model, dataset, config.training), found), ""
     except ValueError as error:
-        return {"unavailable": " ".join(str(error).split())}
-    split, recordings = _unseen(source.dataset.test, source.dataset.train)
+        return None, str(error)
+
+
+def _certainty_as_json(found: Certainty | None, missing: str) -> dict[str, object]:
+    """What a program wants to know of the bands."""
+    if found is None:
+        return {"unavailable": missing}
+    names = ("level", "relative", "undetermined", "identified", "effective", "parameters", "windows")
+    return {name: getattr(found, name) for name in names}
+
+
+def _audited(model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> dict[str, object]:
+    """Audit on the recordings that were not trained on."""
+    split, recordings = _unseen(dataset.test, dataset.train)
     solver = evaluation_solver(config)
     result = audit(model, recordings, ranges=config.data.ranges, hold=config.data.hold, solver=solver)
     return {"split": split, **asdict(result)}
@@ -77,7 +107,7 @@ def _unseen(test: tuple[Trajectory, ...], train: tuple[Trajectory, ...]) -> tupl
     return ("test", test) if test else ("train", train)
 
 
-def _as_json(found: Inspection, audited: dict[str, object]) -> dict[str, object]:
+def _as_json(found: Inspection, audited: dict[str, object], certain: dict[str, object]) -> dict[str, object]:
     """The object of the command line's contract."""
 
     def extremes(values: tuple[float, float] | None) -> dict[str, float] | None:
@@ -91,28 +121,46 @@ def _as_json(found: Inspection, audited: dict[str, object]) -> dict[str, object]
         "identified": found.identified,
         "mass_matrix_eigenvalues": extremes(found.mass_matrix_eigenvalues),
         "dissipation_eigenvalues": extremes(found.dissipation_eigenvalues),
+        "certainty": certain,
         "audit": audited,
     }
 
 
-def _print_profile(profile: Profile, positions: Sequence[str], inputs: Sequence[str]) -> None:
+def _print_profile(profile: Profile, widths: Profile | None, positions: Sequence[str], inputs: Sequence[str]) -> None:
     """Blocks along one coordinate."""
     name = positions[profile.coordinate]
-    columns: dict[str, np.ndarray] = {name: profile.values}
-    blocks = {"M": profile.mass_matrix, "D": profile.dissipation_matrix}
-    columns |= _entries("M", blocks["M"])
+    columns = _columns(profile, positions, inputs)
+    if not columns:
+        return
+    others = ", the other coordinates in the middle of the data" if len(positions) > 1 else ""
+    at = "; D at half of the largest velocities" if profile.dissipation_matrix is not None else ""
+    half = {} if widths is None else _columns(widths, positions, inputs)
+    cells = [
+        [
+            _banded(value, half[head][k] if half else None)
+            for head, column in columns.items()
+            for value in column[k : k + 1]
+        ]
+        for k in range(len(profile.values))
+    ]
+    rows = [[number(value), *row] for value, row in zip(profile.values, cells, strict=True)]
+    print_table(f"along {name}{others}{at}", [name, *columns], rows)
+
+
+def _columns(profile: Profile, positions: Sequence[str], inputs: Sequence[str]) -> dict[str, np.ndarray]:
+    """Entries of the blocks by their names."""
+    columns = _entries("M", profile.mass_matrix)
     if profile.potential_energy is not None:
         columns["V - min V"] = profile.potential_energy
     if profile.input_matrix is not None:
         pairs = product(range(len(positions)), range(len(inputs)))
         columns |= {f"g[{positions[i]}, {inputs[j]}]": profile.input_matrix[:, i, j] for i, j in pairs}
-    columns |= _entries("D", blocks["D"])
-    if len(columns) == 1:
-        return
-    others = ", the other coordinates in the middle of the data" if len(positions) > 1 else ""
-    at = "; D at half of the largest velocities" if blocks["D"] is not None else ""
-    rows = np.stack(list(columns.values()), axis=1).tolist()
-    print_table(f"along {name}{others}{at}", list(columns), rows)
+    return columns | _entries("D", profile.dissipation_matrix)
+
+
+def _banded(value: float, half_width: float | None) -> str:
+    """A number, and half of the width of its band."""
+    return number(value) if half_width is None else f"{number(value)} ± {half_width:.2g}"
 
 
 def _entries(letter: str, matrices: np.ndarray | None) -> dict[str, np.ndarray]:
@@ -124,13 +172,35 @@ def _entries(letter: str, matrices: np.ndarray | None) -> dict[str, np.ndarray]:
     return {f"{letter}[{i + 1}, {j + 1}]": matrices[:, i, j] for i, j in pairs}
 
 
-def _print_friction(found: Inspection, positions: Sequence[str]) -> None:
+def _print_friction(found: Inspection, certain: Certainty | None, positions: Sequence[str]) -> None:
     """Friction along every velocity."""
-    for profile in found.friction:
+    for k, profile in enumerate(found.friction):
         i = profile.coordinate + 1
-        rows = np.stack([profile.velocities, profile.coefficient, profile.force], axis=1).tolist()
+        rows = [
+            [
+                number(v),
+                _banded(profile.coefficient[j], certain and certain.friction[k].coefficient[j]),
+                _banded(profile.force[j], certain and certain.friction[k].force[j]),
+            ]
+            for j, v in enumerate(profile.velocities)
+        ]
         title = f"friction along the velocity of {positions[profile.coordinate]}, the data's middle otherwise"
         print_table(title, ("v", f"D[{i}, {i}]", "force D v"), rows)
+
+
+def _print_certainty(found: Certainty | None, missing: str) -> None:
+    """How certain all this is, in words."""
+    print("\ncertainty")
+    if found is None:
+        print(f"  no bands: {missing}")
+        return
+    print(
+        f"  ± is half of a {found.level:.0%} band, to first order; {found.windows} windows determine "
+        f"{found.effective:.0f} of {found.parameters} free parameters"
+    )
+    print("  typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in found.relative.items()))
+    if found.undetermined:
+        print(f"  no larger than their bands, so not told by these data: {', '.join(found.undetermined)}")
 
 
 def _print_audit(audited: dict[str, object]) -> None:

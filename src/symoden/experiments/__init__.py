@@ -3,6 +3,12 @@
 from ._audit import Audit as Audit, audit as audit
 from ._block_errors import BlockErrors as BlockErrors, block_errors as block_errors
 from ._cells import Cell as Cell, CellResult as CellResult, cells as cells
+from ._certainty import (
+    BandScore as BandScore,
+    Certainty as Certainty,
+    certainty as certainty,
+    score_bands as score_bands,
+)
 from ._evaluate import (
     Prediction as Prediction,
     RecordingScore as RecordingScore,
@@ -86,10 +92,12 @@ __all__ = [
     "PRESETS",
     "TASKS",
     "Audit",
+    "BandScore",
     "BlockCurves",
     "BlockErrors",
     "Cell",
     "CellResult",
+    "Certainty",
     "CircleDrift",
     "Contest",
     "DataSummary",
@@ -125,6 +133,7 @@ __all__ = [
     "block_errors",
     "cell_folder",
     "cells",
+    "certainty",
     "check_cell",
     "circle_drift",
     "energy_curves",
@@ -152,6 +161,7 @@ __all__ = [
     "result_as_json",
     "row_name",
     "run_cell",
+    "score_bands",
     "score_recordings",
     "score_task",
     "simulate",

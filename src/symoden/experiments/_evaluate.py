@@ -140,7 +140,7 @@ def score_recordings(
     """
     chosen = [(split, recording) for split in splits for recording in getattr(dataset, split)]
     recordings = [recording for _, recording in chosen]
-    windows = [(i, *edges) for i, recording in enumerate(recordings) for edges in _windows(recording)]
+    windows = [(i, *edges) for i, recording in enumerate(recordings) for edges in one_second_windows(recording)]
     stretches = [Stretch(trajectory=recordings[i], start=start, stop=stop) for i, start, stop in windows]
     rmse: list[list[float]] = [[] for _ in recordings]
     for k, path in _paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
@@ -237,8 +237,15 @@ def _observed(space: Space, q: Float[np.ndarray, "T n"], rates: Float[np.ndarray
     return np.concatenate([q[:, space.lengths], np.cos(angles), np.sin(angles), rates], axis=1)
 
 
-def _windows(recording: Trajectory) -> list[tuple[int, int]]:
-    """Samples [start, stop) of the windows of a recording."""
+def one_second_windows(recording: Trajectory) -> list[tuple[int, int]]:
+    """Find the windows of 1 s, started every 0.25 s after the `initial_samples`.
+
+    Args:
+        recording: Any recording.
+
+    Returns:
+        Samples [start, stop) of each; none where the recording is too short.
+    """
     elapsed = recording.ts - recording.ts[recording.initial_samples - 1]
     starts = np.arange(0.0, elapsed[-1] - HORIZON + _INSTANT, STRIDE)
     firsts = np.searchsorted(elapsed, starts - _INSTANT)

@@ -73,6 +73,7 @@ class Inspection:
         profiles: Blocks along every coordinate.
         friction: Friction along every velocity.
         velocities: Largest velocities in the data's range; None for a model without inertia.
+        middle: Middle of the coordinates' range, which all profiles go through.
     """
 
     space: str
@@ -85,6 +86,7 @@ class Inspection:
     profiles: tuple[Profile, ...]
     friction: tuple[FrictionProfile, ...]
     velocities: Float[np.ndarray, " n"] | None
+    middle: Float[np.ndarray, " n"]
 
 
 def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -> Inspection:
@@ -124,6 +126,7 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
         profiles=tuple(_profile(model, i, grid, middle, speeds) for i, grid in enumerate(grids)),
         friction=_friction(model, middle, speeds),
         velocities=speeds,
+        middle=middle,
     )
 
 

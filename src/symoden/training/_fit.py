@@ -125,9 +125,7 @@ def fit(
 
 def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
     """Split and cut the recordings, build the model, and line up the stages."""
-    if config.validation:
-        longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
-        dataset = split_validation(dataset, config.validation, min_samples=longest + 1)
+    dataset = hold_out(dataset, config)
     space = Space.parse(dataset.space)
     if dataset.known is not None:
         check_known(dataset.known, space, dataset.inputs, *states(dataset.train, momenta=dataset.momenta))
@@ -159,7 +157,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         data, optimizer = _adam_data(dataset, dynamics, config), _optimizer(config)
         stages.extend(AdamStage(data, config, fresh, optimizer, k) for k, fresh in enumerate(candidates))
     if config.lm_steps:
-        data = _levenberg_data(dataset, dynamics, config)
+        data = levenberg_data(dataset, dynamics, config)
         if free:
             stages.append(LevenbergStage(data, config))
         if config.growth_steps:
@@ -180,6 +178,22 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     return stages, state
 
 
+def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
+    """Split validation recordings off, the same as `fit` does.
+
+    Args:
+        dataset: Recordings.
+        config: Settings of training.
+
+    Returns:
+        The data set with its validation part.
+    """
+    if not config.validation:
+        return dataset
+    longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
+    return split_validation(dataset, config.validation, min_samples=longest + 1)
+
+
 def _optimizer(config: TrainingConfig) -> optax.GradientTransformation:
     """Adam with the settings' schedule."""
     return adam(
@@ -197,7 +211,7 @@ def _adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingCon
     return _data(dataset, dynamics, config, horizon=horizon, stride=1, dtype=jnp.float32)
 
 
-def _levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
+def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
     """Longer windows end to end, each sample being predicted once, in double precision."""
     horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
     return _data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)

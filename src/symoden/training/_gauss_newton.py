@@ -31,11 +31,13 @@ class NormalEquations(NamedTuple):
         matrix: Mean of JᵀJ over the residuals.
         gradient: Mean of Jᵀr.
         residuals: The residuals r of every window.
+        spread: Sum over the windows of (Jᵀr)(Jᵀr)ᵀ, each window's own; how much they disagree about the parameters.
     """
 
     matrix: np.ndarray
     gradient: np.ndarray
     residuals: np.ndarray
+    spread: np.ndarray
 
     @property
     def loss(self) -> float:
@@ -133,17 +135,20 @@ def normal_equations(
     rough_restore, rough_theta, rough_objective, rough_batch = (
         cast(part, precision) for part in (restore, theta, objective, batch)
     )
-    matrix, gradient = np.zeros((theta.size, theta.size)), np.zeros(theta.size)
+    matrix, spread = np.zeros((2, theta.size, theta.size))
+    gradient = np.zeros(theta.size)
     for start in range(0, total, chunk):
         # The last chunk is filled up with windows whose rows are dropped, so that one compiled function serves all.
         index = np.minimum(np.arange(start, start + chunk), total - 1)
         r = residuals[start : start + chunk].ravel()
         J = np.asarray(_jacobian(rough_restore, rough_theta, rough_objective, rough_batch.take(index)))
         J = J[: len(r)].astype(float)
+        pulls = np.einsum("wrp,wr->wp", J.reshape(-1, rows, theta.size), r.reshape(-1, rows), optimize=True)
         matrix += J.T @ J
-        gradient += J.T @ r
+        spread += pulls.T @ pulls
+        gradient += pulls.sum(axis=0)
     count = residuals.size
-    return NormalEquations(matrix / count, gradient / count, residuals)
+    return NormalEquations(matrix / count, gradient / count, residuals, spread)
 
 
 @eqx.filter_jit
