@@ -37,7 +37,9 @@ def test_harmonics_are_products_of_one_factor_per_coordinate(powers, order):
         for choice in itertools.product(*(range(len(factor)) for factor in factors))
         if np.count_nonzero(choice) <= order
     ]
-    assert np.asarray(function(jnp.asarray(q))) == pytest.approx(np.array(products) @ np.asarray(function.weights), rel=1e-12)
+    assert np.asarray(function(jnp.asarray(q))) == pytest.approx(
+        np.array(products) @ np.asarray(function.weights), rel=1e-12
+    )
 
 
 @given(seed=seeds, turns=st.integers(-3, 3))

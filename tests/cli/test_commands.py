@@ -63,6 +63,15 @@ def test_evaluate_prints_a_line_for_every_recording(arm_run, capsys):
     assert [line.split()[:3] for line in lines[-2:]] == [["a", "train", "80"], ["b", "test", "60"]]
 
 
+def test_evaluate_says_how_many_positions_its_bands_cover(arm_run, capsys):
+    bands = answer(capsys, "evaluate", arm_run, "--bands")["bands"]
+    assert (bands["level"], bands["split"]) == (0.9, "test")
+    assert 0 <= bands["coverage"] <= 1
+    assert bands["half_width"] > 0
+    assert main(["evaluate", str(arm_run), "--bands"]) == 0
+    assert f"cover {bands['coverage']:.1%} of the positions of the test recordings" in capsys.readouterr().out
+
+
 def test_predict_writes_every_recording_and_its_rollout(arm_run, arm, tmp_path, capsys):
     path = tmp_path / "paths.npz"
     assert answer(capsys, "predict", arm_run, arm, "--out", path)["recordings"] == 2
@@ -96,11 +105,15 @@ def test_inspect_keeps_the_contract(arm_run, capsys):
         "identified",
         "mass_matrix_eigenvalues",
         "dissipation_eigenvalues",
+        "certainty",
         "audit",
     ]
     assert (found["space"], found["anchor"]) == ("T1", "input_matrix given")
     assert (found["given"], found["identified"]) == ({"input_matrix": "given"}, {})
     assert 0 < found["mass_matrix_eigenvalues"]["min"] <= found["mass_matrix_eigenvalues"]["max"]
+    assert set(found["certainty"]["relative"]) == {"M", "V", "g", "D"}
+    assert found["certainty"]["relative"]["g"] == 0.0  # given
+    assert 0 < found["certainty"]["effective"] <= found["certainty"]["parameters"]
     assert found["audit"]["split"] == "test"
     assert found["audit"]["rollout_violation"] < 1e-6
 
@@ -108,8 +121,19 @@ def test_inspect_keeps_the_contract(arm_run, capsys):
 def test_inspect_shows_the_blocks_over_the_data(arm_run, capsys):
     assert main(["inspect", str(arm_run)]) == 0
     printed = capsys.readouterr().out
-    for text in ("along q", "M[1, 1]", "V - min V", "g[q, u]", "D[1, 1]", "force D v", "power audit", "input_matrix"):
+    for text in (
+        "along q",
+        "M[1, 1]",
+        "V - min V",
+        "g[q, u]",
+        "D[1, 1]",
+        "force D v",
+        "power audit",
+        "input_matrix",
+        " ± ",
+    ):
         assert text in printed
+    assert "half of a 90% band" in printed
 
 
 def test_inspect_names_what_was_given_and_what_it_left_open(described, tmp_path, capsys):
@@ -132,6 +156,7 @@ def test_inspect_needs_no_data_but_says_that_the_audit_does(arm_run, tmp_path, c
     (folder / "config.json").write_text(text.replace("arm.toml", "gone.toml"))
     found = answer(capsys, "inspect", folder)
     assert "gone.toml" in found["audit"]["unavailable"]
+    assert "gone.toml" in found["certainty"]["unavailable"]
     assert found["mass_matrix_eigenvalues"] is not None
     assert main(["inspect", str(folder)]) == 0
     assert "not made, because the run's data cannot be read" in capsys.readouterr().out

@@ -42,9 +42,9 @@ def run(command: Inspect) -> None:
     try:
         dataset, missing = read_run_source(config).dataset, ""
     except ValueError as error:
-        dataset, missing = None, "the run's data cannot be read: " + " ".join(str(error).split())
+        dataset, missing = None, " ".join(str(error).split())
     audited: dict[str, object] = {"unavailable": missing}
-    certain, uncertain = None, missing
+    certain, uncertain = None, f"the run's data cannot be read: {missing}"
     if dataset is not None:
         audited = _audited(model, config, dataset)
         certain, uncertain = _certainty(model, config, dataset, found)

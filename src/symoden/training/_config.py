@@ -48,7 +48,7 @@ class TrainingConfig:
     weight_decay: float = 0.0
     keep_best: bool = True
     scaled_loss: bool = True
-    lm_steps: int = 60
+    lm_steps: int = 20
     lm_horizon: int | None = None
     lm_substeps: int | None = None
     damping: float = 1e-4

@@ -1,0 +1,97 @@
+"""Bands on blocks and on predictions: gauge, entries that the data do not tell, coverage."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.data import Dataset
+from symoden.experiments import Ranges, certainty, inspect_model, score_bands, simulate, task
+from symoden.integrate import RK4
+from symoden.models import BlockConfig, ModelConfig, rescale
+from symoden.training import TrainingConfig, fit, hold_out, infer_posterior
+
+CONSTANT = BlockConfig(constant=True)
+MODEL = ModelConfig(
+    inverse_mass=CONSTANT, potential=BlockConfig(harmonics=True), actuation=CONSTANT, friction=CONSTANT, knees=()
+)
+STEPS = TrainingConfig(adam_steps=100, restarts=1, lm_steps=12, growth_steps=0, validation=0.2)
+NOISE = 0.03
+
+
+def noisy(recordings, seed):
+    generator = np.random.default_rng(seed)
+    return tuple(
+        dataclasses.replace(
+            recording,
+            q=recording.q + NOISE * generator.normal(size=recording.q.shape),
+            rates=recording.rates + NOISE * generator.normal(size=recording.rates.shape),
+        )
+        for recording in recordings
+    )
+
+
+@pytest.fixture(scope="module")
+def learned() -> tuple:
+    """A pendulum in noise, without anything that fixes the scale."""
+    clean = simulate(task("pendulum"), train_initials=12, test_initials=12).dataset
+    dataset: Dataset = dataclasses.replace(clean, train=noisy(clean.train, 0), test=noisy(clean.test, 1))
+    return fit(dataset, model=MODEL, config=STEPS).model, dataset
+
+
+def bands(model, dataset):
+    found = inspect_model(model, Ranges.of(dataset.train))
+    return found, certainty(infer_posterior(model, dataset, STEPS), found)
+
+
+def test_bands_contain_the_truth_of_a_pendulum_in_noise(learned):
+    model, dataset = learned
+    found, band = bands(model, dataset)
+    truth = task("pendulum").system
+    q = jnp.zeros(1)
+    mass, g, D = truth.mass_matrix(q)[0, 0], truth.input_matrix(q)[0, 0], truth.dissipation_matrix(q, q)[0, 0]
+    learned_mass = found.profiles[0].mass_matrix[0, 0, 0]
+    # The mean of log det M is held fixed and M is constant: its band is none, and those of g and D are of g/M and D/M.
+    assert band.profiles[0].mass_matrix.max() < 1e-6 * learned_mass
+    for name, true in (("input_matrix", g), ("dissipation_matrix", D)):
+        value, width = (getattr(part.profiles[0], name)[0, 0, 0] for part in (found, band))
+        assert abs(value / learned_mass - true / mass) < 3 * width / learned_mass
+        assert 0 < width < 0.3 * value
+
+
+def test_the_gauge_changes_no_relative_band(learned):
+    model, dataset = learned
+    (_, one), (_, other) = bands(model, dataset), bands(rescale(model, 3.0), dataset)
+    assert other.relative == pytest.approx(one.relative, rel=1e-3, abs=1e-9)
+
+
+def test_more_noise_is_less_certain_and_a_coupling_that_is_not_there_is_not_told(learned):
+    model, dataset = learned
+    _, band = bands(model, dataset)
+    noisier = dataclasses.replace(dataset, train=noisy(dataset.train, 2))
+    _, wider = bands(model, noisier)
+    assert wider.relative["V"] > 1.2 * band.relative["V"]
+    assert band.effective <= band.parameters
+
+
+def test_bands_cover_what_they_say(learned):
+    model, dataset = learned
+    held = hold_out(dataset, STEPS)
+    score = score_bands(infer_posterior(model, dataset, STEPS), held, solver=RK4(2))
+    assert score.calibrated_on == "validation"
+    assert score.coverage == pytest.approx(0.9, abs=0.04)
+    assert NOISE < score.half_width < 5 * NOISE
+    blind = dataclasses.replace(held, validation=())
+    assert score_bands(infer_posterior(model, dataset, STEPS), blind, solver=RK4(2)).calibrated_on == "train"
+
+
+def test_models_without_blocks_have_no_bands(learned):
+    _, dataset = learned
+    model = fit(
+        dataset, model=ModelConfig(kind="naive", flow=(3,)), config=dataclasses.replace(STEPS, lm_steps=1)
+    ).model
+    with pytest.raises(ValueError, match="need a model with M, V, g and D"):
+        bands(model, dataset)
+    assert jax.tree.leaves(model)

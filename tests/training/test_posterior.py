@@ -1,0 +1,107 @@
+"""What a posterior says of parameters is how they scatter when the noise is drawn anew."""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.blocks import Constant, Correction, Sum, highest_rung
+from symoden.data import Dataset
+from symoden.known import KnownParts
+from symoden.models import BlockConfig, ModelConfig, build
+from symoden.spaces import Space
+from symoden.systems import Pendulum
+from symoden.training import TrainingConfig, fit, infer_posterior
+from symoden.training._posterior import _sandwich
+
+CONSTANT = BlockConfig(constant=True)
+SYSTEM = Pendulum(damping=0.2)
+LOAD = float(SYSTEM.potential_energy(jnp.array([jnp.pi]))) / 2
+MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=())
+STEPS = TrainingConfig(validation=0.0, adam_steps=0, lm_steps=6, lm_horizon=8, lm_substeps=2, growth_steps=0)
+NOISE = 0.02
+
+
+def identified(dataset: Dataset, seed: int) -> tuple[Any, Dataset]:
+    """Load and damping from recordings with noise on the velocities that are predicted, not on those started from."""
+    generator = np.random.default_rng(seed)
+
+    def noisy(recording):
+        q = (
+            recording.q
+            + NOISE * generator.normal(size=recording.q.shape) * (np.arange(len(recording)) % 8 > 0)[:, None]
+        )
+        return dataclasses.replace(recording, q=q)
+
+    known = KnownParts(
+        mass_matrix=[[float(SYSTEM.mass_matrix(jnp.zeros(1))[0, 0])]],
+        potential_energy="-w*cos(q1)",
+        input_matrix=[[1]],
+        dissipation_matrix=[["d"]],
+        parameters={"w": LOAD, "d": 0.2},
+    )
+    dataset = dataclasses.replace(dataset, train=tuple(map(noisy, dataset.train)), known=known)
+    return fit(dataset, model=MODEL, config=STEPS).model, dataset
+
+
+def test_parameters_scatter_as_their_posterior_says(pendulum):
+    clean = pendulum(count=3, samples=41)
+    found = [identified(clean, seed) for seed in range(16)]
+    values = np.array([model.parameters.values for model, _ in found])
+    posteriors = [infer_posterior(*pair, STEPS) for pair in found]
+    rows = [posterior.project(lambda model: model.parameters.values) for posterior in posteriors]
+    said = np.sqrt(np.mean(np.sum(np.square(rows), axis=2), axis=0))
+    assert (np.abs(values.mean(axis=0) - [LOAD, 0.2]) < said).all()  # four standard errors of a mean of 16
+    ratio = values.std(axis=0, ddof=1) / said
+    assert (ratio > 0.55).all(), ratio  # 16 draws tell a standard deviation to 18 %
+    assert (ratio < 1.8).all(), ratio
+    assert posteriors[0].effective == pytest.approx(2.0, abs=0.01)
+    assert posteriors[0].windows == 15
+
+
+def test_quantities_vary_by_the_rule_of_the_chain(pendulum):
+    model, dataset = identified(pendulum(count=2, samples=25), 0)
+    posterior = infer_posterior(model, dataset, STEPS)
+    covariance = posterior.factor @ posterior.factor.T
+    load, damping = posterior.project(lambda model: model.parameters.values)
+    (energy,) = posterior.project(lambda model: model.potential_energy(jnp.array([2.0]))[None])
+    assert energy == pytest.approx(-np.cos(2.0) * load, rel=1e-9)
+    (product,) = posterior.project(lambda model: jnp.prod(model.parameters.values)[None])
+    w, d = np.asarray(model.parameters.values)
+    assert product == pytest.approx(d * load + w * damping, rel=1e-6)
+    mean, deviations = posterior.deviations(4000)
+    assert np.cov(np.asarray(deviations), rowvar=False) == pytest.approx(covariance, rel=0.15, abs=1e-12)
+    assert mean.shape == (2,)
+
+
+@given(seed=st.integers(0, 2**32 - 1), prior=st.floats(0.1, 10.0), inflation=st.floats(1.0, 5.0))
+def test_the_covariance_is_the_sandwich_and_without_information_the_prior(seed, prior, inflation):
+    generator = np.random.default_rng(seed)
+    J, scores = generator.normal(size=(5, 3, 4)) * [1.0, 2.0, 0.5, 0.0], generator.normal(size=(5, 4)) * [1, 1, 1, 0]
+    variance, squares = 0.3, np.einsum("wri,wrj->ij", J, J)
+    factor, effective = _sandwich(squares, scores.T @ scores, variance=variance, inflation=inflation, prior=prior)
+    bread = np.linalg.inv(squares / (inflation * variance) + prior * np.eye(4))
+    filling = scores.T @ scores / (inflation * variance**2) + prior * np.eye(4)
+    expected = bread @ filling @ bread
+    assert factor @ factor.T == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
+    assert (factor @ factor.T)[3, 3] == pytest.approx(1 / prior, rel=1e-9)
+    assert effective == pytest.approx(np.trace(bread @ squares) / (inflation * variance), rel=1e-9)
+
+
+def test_corrections_that_were_never_free_are_no_part_of_it():
+    silent, said = Correction(Constant(jnp.zeros(2))), Correction(Constant(jnp.ones(2)), rung=1)
+    q = jnp.zeros(1)
+    assert highest_rung(Sum((silent, said)), q) == 1
+    assert highest_rung(Sum((silent, Constant(jnp.ones(2)))), q) == 0
+    assert highest_rung(Sum((said, Correction(Constant(jnp.ones(2))))), q) == 2
+
+
+def test_models_too_large_for_it_are_refused(pendulum):
+    large = ModelConfig(kind="unstructured", energy=(80, 80))
+    model = build(large, Space.parse("T1"), 1, key=jax.random.key(0))
+    with pytest.raises(ValueError, match="needs 1 to 4000 free parameters"):
+        infer_posterior(model, pendulum(), STEPS)
