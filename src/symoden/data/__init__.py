@@ -1,4 +1,4 @@
-"""Recorded motion: trajectories, data sets of trajectories of any length, windows, and reading them from files."""
+"""Recorded motion: trajectories, data sets of trajectories of any length, windows; files of them."""
 
 from ._check import DatasetCheck as DatasetCheck, RecordingCheck as RecordingCheck, check_dataset as check_dataset
 from ._dataset import Dataset as Dataset
@@ -12,6 +12,7 @@ from ._split import segments as segments, split_validation as split_validation
 from ._trajectory import Trajectory as Trajectory
 from ._velocities import estimate_velocities as estimate_velocities
 from ._windows import Windows as Windows, windows as windows
+from ._write_dataset import write_dataset as write_dataset
 
 __all__ = [
     "ChannelFacts",
@@ -31,4 +32,5 @@ __all__ = [
     "segments",
     "split_validation",
     "windows",
+    "write_dataset",
 ]
