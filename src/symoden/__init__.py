@@ -28,6 +28,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "read_dataset": "symoden.data",
     "rollout": "symoden.integrate",
     "save": "symoden.models",
+    "write_dataset": "symoden.data",
 }
 
 

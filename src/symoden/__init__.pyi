@@ -1,4 +1,9 @@
-from symoden.data import Dataset as Dataset, Trajectory as Trajectory, read_dataset as read_dataset
+from symoden.data import (
+    Dataset as Dataset,
+    Trajectory as Trajectory,
+    read_dataset as read_dataset,
+    write_dataset as write_dataset,
+)
 from symoden.integrate import rollout as rollout
 from symoden.known import KnownParts as KnownParts
 from symoden.models import ModelConfig as ModelConfig, build as build, load as load, save as save

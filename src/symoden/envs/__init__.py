@@ -7,7 +7,10 @@ Importing this makes `gymnasium.make` know `symoden/DampedPendulum-v0`, `symoden
 
 from ._gymnasium import register
 from ._mechanism import MechanismEnv as MechanismEnv
+from ._policies import random_levels as random_levels
+from ._record import record as record
+from ._sensors import Sensors as Sensors, sensors_of as sensors_of
 
-__all__ = ["MechanismEnv"]
+__all__ = ["MechanismEnv", "Sensors", "random_levels", "record", "sensors_of"]
 
 register()
