@@ -1,5 +1,8 @@
 """One class for systems and models: it adds nothing to their physics, keeps its limits, and says what is wrong."""
 
+import copy
+import pickle
+
 import gymnasium
 import jax
 import jax.numpy as jnp
@@ -177,6 +180,18 @@ def test_where_a_model_diverges_the_episode_ends_at_its_last_finite_state():
     steps = [env.step([1.0]) for _ in range(50)]
     assert any(terminated for _, _, terminated, _, _ in steps)
     assert all(np.isfinite(observation).all() for observation, *_ in steps)
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("dynamics", [CartPole(), model()])
+def test_a_copy_goes_on_as_the_original_does(again, dynamics):
+    env = MechanismEnv(dynamics, noise=0.1)
+    env.reset(seed=0)
+    env.step([1.0])
+    twin = again(env)
+    assert (env.step([-1.0])[0] == twin.step([-1.0])[0]).all()
+    twin.step([1.0])
+    assert (state_of(env) != state_of(twin)).any()
 
 
 # Pictures

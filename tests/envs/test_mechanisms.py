@@ -85,10 +85,17 @@ def test_gymnasium_makes_them_without_our_import():
     assert answer.stdout.strip() == "symoden/DampedPendulum-v0", answer.stderr
 
 
-def test_without_gymnasium_the_message_says_what_to_install():
-    program = "import sys; sys.modules['gymnasium'] = None; import symoden.data, symoden.systems, symoden.envs"
+@pytest.mark.parametrize(
+    ("absent", "module", "message"),
+    [
+        ("gymnasium", "symoden.envs", 'Environments need Gymnasium. Install "symoden[gym]".'),
+        ("pygame", "symoden.envs._window", 'A window needs pygame. Install "symoden[gym]".'),
+    ],
+)
+def test_the_message_says_what_to_install(absent, module, message):
+    program = f"import sys; sys.modules['{absent}'] = None; import symoden.data, symoden.systems, {module}"
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, check=False, text=True)
-    assert answer.stderr.strip().endswith('Environments need Gymnasium. Install "symoden[gym]".')
+    assert answer.stderr.strip().endswith(message)
 
 
 def test_parameters_of_a_registered_environment_can_be_changed():

@@ -106,7 +106,7 @@ class MechanismEnv(gymnasium.Env[Observed, Action]):
             raise ValueError(f'`render_mode` must be "rgb_array", "human" or None; got {self.render_mode!r}.')
         self._noise = vector("noise", self.noise, 2 * n)
         target = vector("target", 0.0 if self.target is None else self.target, n)
-        self._mover = Mover(self.dynamics, RK4(self.substeps), target=target)
+        self._mover = Mover(self.dynamics, RK4(self.substeps), target)
         starts = bounds("position_bounds", self.position_bounds or [_USUAL_START[angle] for angle in space.is_angle], n)
         self._starts = np.concatenate([starts, bounds("rate_bounds", self.rate_bounds or [(-1.0, 1.0)] * n, n)])
         self._rates = "p" if self.dynamics.momenta else "v"

@@ -53,9 +53,7 @@ class Mover:
     They are taken apart once, since `equinox.filter_jit` does so at every call, for longer than a step takes.
     """
 
-    def __init__(
-        self, dynamics: AbstractDynamics, solver: AbstractSolver, *, target: Float64[np.ndarray, " n"]
-    ) -> None:
+    def __init__(self, dynamics: AbstractDynamics, solver: AbstractSolver, target: Float64[np.ndarray, " n"]) -> None:
         """Take dynamics apart.
 
         Args:
@@ -63,11 +61,16 @@ class Mover:
             solver: What advances its state.
             target: Configuration to measure the way from.
         """
+        self._parts = (dynamics, solver, target)
         leaves, structure = jax.tree.flatten((dynamics, solver))
         with jax.enable_x64():
             self._weights: Weights = [_double(leaf) if _is_array(leaf) else None for leaf in leaves]
         self._fixed: Hashable = (structure, tuple(None if _is_array(leaf) else leaf for leaf in leaves))
         self._target = target
+
+    def __reduce__(self) -> tuple[type, tuple]:
+        """Copy and send it as what it was made of: the structure of a tree survives neither."""
+        return type(self), self._parts
 
     def begin(
         self, q: Float64[np.ndarray, " n"], rates: Float64[np.ndarray, " n"], noise: Float64[np.ndarray, " 2*n"]

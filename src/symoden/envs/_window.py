@@ -3,9 +3,13 @@
 from typing import final
 
 import numpy as np
-import pygame
 
 from symoden.drawing import Picture
+
+try:
+    import pygame
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError('A window needs pygame. Install "symoden[gym]".') from error
 
 
 @final
