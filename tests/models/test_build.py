@@ -9,7 +9,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import JointFriction, KnownValue, NoFriction, ViscousFriction, count_parameters, trainable
+from symoden.blocks import (
+    Correction,
+    GramBlock,
+    Harmonics,
+    InverseBlock,
+    JointFriction,
+    KnownValue,
+    Network,
+    NoFriction,
+    ViscousFriction,
+    count_parameters,
+    trainable,
+)
 from symoden.experiments import preset
 from symoden.models import KINDS, BlockConfig, ModelConfig, Scales, UnstructuredModel, build
 from symoden.spaces import Space
@@ -30,6 +42,23 @@ def motion(model):
     q, rates, u = jnp.array([0.3, -0.7]), jnp.array([0.5, 1.1]), jnp.array([0.9])
     state = model.encode(q, rates)
     return jax.jvp(model.observe, (state,), (model.derivative(jnp.zeros(()), state, u),))[1]
+
+
+def test_blocks_start_from_harmonics_on_angles_and_from_networks_on_lengths():
+    """Corrections of harmonics are silent and frozen; on lengths alone the network is free from the start."""
+    harmonic = BlockConfig(hidden=(5,), harmonics=True)
+    config = dataclasses.replace(BASE, inverse_mass=harmonic, potential=harmonic)
+    model = made(config)
+    assert isinstance(model.inverse_mass, InverseBlock)
+    assert isinstance(model.inverse_mass.matrix, GramBlock)
+    kinds = [type(term) for term in model.potential.function.terms]
+    assert kinds == [Harmonics, Correction]
+    bare = dataclasses.replace(config, inverse_mass=BlockConfig(harmonics=True), potential=BlockConfig(harmonics=True))
+    assert np.asarray(motion(made(bare))) == pytest.approx(np.asarray(motion(model)), abs=1e-12)
+    assert count_parameters(made(bare), corrections=0) == count_parameters(model, corrections=0)
+    assert count_parameters(made(bare)) < count_parameters(model)
+    assert isinstance(made(config, space="R2").potential.function, Network)
+    assert isinstance(made(bare, space="R2").potential.function, Harmonics)
 
 
 CHANGES = {
@@ -161,8 +190,10 @@ def test_an_unknown_kind_is_refused():
 
 
 def test_a_block_needs_parameters():
-    with pytest.raises(ValueError, match="got neither"):
+    with pytest.raises(ValueError, match="got none"):
         BlockConfig()
+    with pytest.raises(ValueError, match="got both"):
+        BlockConfig(constant=True, harmonics=True)
     with pytest.raises(ValueError, match="must be at least 1"):
         BlockConfig(hidden=(3, 0))
 
