@@ -1,6 +1,6 @@
 """`symoden inspect`."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from itertools import combinations_with_replacement, product
 
@@ -70,7 +70,8 @@ def run(command: Inspect) -> None:
         print(f"eigenvalues of {name} over the data's range: {where}")
     for i, profile in enumerate(found.profiles):
         widths = certain and certain.profiles[i]
-        _print_profile(profile, widths, config.data.position_names, config.data.input_names)
+        names = config.data.position_names, config.data.input_names
+        _print_profile(profile, widths, *names, given=found.given)
     _print_friction(found, certain, config.data.position_names)
     _print_certainty(certain, uncertain)
     _print_audit(audited)
@@ -126,35 +127,46 @@ def _as_json(found: Inspection, audited: dict[str, object], certain: dict[str, o
     }
 
 
-def _print_profile(profile: Profile, widths: Profile | None, positions: Sequence[str], inputs: Sequence[str]) -> None:
-    """Blocks along one coordinate."""
+def _print_profile(
+    profile: Profile, widths: Profile | None, positions: Sequence[str], inputs: Sequence[str], *, given: Collection[str]
+) -> None:
+    """Blocks along one coordinate: the energy's in one table, what acts in another."""
     name = positions[profile.coordinate]
-    columns = _columns(profile, positions, inputs)
-    if not columns:
-        return
     others = ", the other coordinates in the middle of the data" if len(positions) > 1 else ""
     at = "; D at half of the largest velocities" if profile.dissipation_matrix is not None else ""
-    half = {} if widths is None else _columns(widths, positions, inputs)
-    cells = [
-        [
-            _banded(value, half[head][k] if half else None)
-            for head, column in columns.items()
-            for value in column[k : k + 1]
-        ]
-        for k in range(len(profile.values))
-    ]
-    rows = [[number(value), *row] for value, row in zip(profile.values, cells, strict=True)]
-    print_table(f"along {name}{others}{at}", [name, *columns], rows)
+    for columns, half, note in (
+        (_energy_columns(profile), None if widths is None else _energy_columns(widths), ""),
+        (
+            _port_columns(profile, positions, inputs, given),
+            None if widths is None else _port_columns(widths, positions, inputs, given),
+            at,
+        ),
+    ):
+        if columns:
+            rows = [
+                [
+                    number(value),
+                    *(_banded(columns[head][k], None if half is None else half[head][k]) for head in columns),
+                ]
+                for k, value in enumerate(profile.values)
+            ]
+            print_table(f"along {name}{others}{note}", [name, *columns], rows)
 
 
-def _columns(profile: Profile, positions: Sequence[str], inputs: Sequence[str]) -> dict[str, np.ndarray]:
-    """Entries of the blocks by their names."""
+def _energy_columns(profile: Profile) -> dict[str, np.ndarray]:
+    """Entries of M, and V, by their names."""
     columns = _entries("M", profile.mass_matrix)
-    if profile.potential_energy is not None:
-        columns["V - min V"] = profile.potential_energy
-    if profile.input_matrix is not None:
+    return columns if profile.potential_energy is None else columns | {"V - min V": profile.potential_energy}
+
+
+def _port_columns(
+    profile: Profile, positions: Sequence[str], inputs: Sequence[str], given: Collection[str]
+) -> dict[str, np.ndarray]:
+    """Entries of g, unless it is given, and D by their names."""
+    columns: dict[str, np.ndarray] = {}
+    if profile.input_matrix is not None and "input_matrix" not in given:
         pairs = product(range(len(positions)), range(len(inputs)))
-        columns |= {f"g[{positions[i]}, {inputs[j]}]": profile.input_matrix[:, i, j] for i, j in pairs}
+        columns = {f"g[{positions[i]}, {inputs[j]}]": profile.input_matrix[:, i, j] for i, j in pairs}
     return columns | _entries("D", profile.dissipation_matrix)
 
 
@@ -198,7 +210,7 @@ def _print_certainty(found: Certainty | None, missing: str) -> None:
         f"  ± is half of a {found.level:.0%} band, to first order; {found.windows} windows determine "
         f"{found.effective:.0f} of {found.parameters} free parameters"
     )
-    print("  typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in found.relative.items()))
+    print("  typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in found.relative.items() if value))
     if found.undetermined:
         print(f"  no larger than their bands, so not told by these data: {', '.join(found.undetermined)}")
 
