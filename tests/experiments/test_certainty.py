@@ -1,6 +1,7 @@
 """Bands on blocks and on predictions: gauge, entries that the data do not tell, coverage."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -41,7 +42,7 @@ def learned() -> tuple:
     return fit(dataset, model=MODEL, config=STEPS).model, dataset
 
 
-def bands(model, dataset):
+def bands(model, dataset) -> tuple[Any, Any]:
     found = inspect_model(model, Ranges.of(dataset.train))
     return found, certainty(infer_posterior(model, dataset, STEPS), found)
 

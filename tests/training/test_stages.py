@@ -18,7 +18,7 @@ from symoden.training._stages import LevenbergStage, TrainingState
 def stage(pendulum, small, quick):
     dataset = pendulum()
     model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
-    data = _fit._levenberg_data(dataset, model, quick)
+    data = _fit.levenberg_data(dataset, model, quick)
     state = TrainingState(
         stage=0, step=1, model=model, optimizer=None, damping=1e-4, substeps=1, best=model, best_loss=1.0, stale=0
     )

@@ -130,7 +130,7 @@ def certainty(posterior: Posterior, inspection: Inspection) -> Certainty:
 
     values, structure = jax.tree.flatten(everything(model))
     rows = posterior.project(
-        lambda model: jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(everything(model))])  # pyright: ignore[reportArgumentType]
+        lambda model: jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(everything(model))])
     )
     half = float(ndtri((1 + LEVEL) / 2)) * np.linalg.norm(rows, axis=1)
     ends = np.cumsum([leaf.size for leaf in values])[:-1]

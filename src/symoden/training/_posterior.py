@@ -1,7 +1,7 @@
 """How certain a trained model is: the Gauss-Newton matrix at the optimum, and what it says of anything computed."""
 
 from collections.abc import Callable
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +20,7 @@ from ._flatten import Flattening, cast
 from ._gauss_newton import normal_equations
 from ._problem import Objective, evaluate_loss
 
-Quantities: TypeAlias = Callable[[AbstractDynamics], Float[Array, " K"]]
+Quantities: TypeAlias = Callable[[Any], Float[Array, " K"]]
 
 _MOST_PARAMETERS = 4000  # Beyond, the matrix takes minutes and gigabytes.
 _SUBSTEPS = 4
