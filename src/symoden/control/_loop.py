@@ -12,12 +12,14 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
-from symoden.shapes import Coordinates, Inputs, Velocities
+from symoden.shapes import Coordinates, Inputs, State, Velocities
 
 from ._controller import AbstractController
 from ._motion import rates_of, velocities_of
+from ._observer import Observer
 
 _STEP = 0.005
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +84,7 @@ def close_loop(
     v0: Velocities,
     loop: Loop,
     *,
+    observer: Observer | None = None,
     key: PRNGKeyArray,
 ) -> Episode:
     """Simulate one episode; where the plant diverges, the record holds NaN or infinities.
@@ -92,39 +95,49 @@ def close_loop(
         q0: Coordinates at the start.
         v0: Velocities at the start.
         loop: How they are connected.
+        observer: What filters the measurements, and looks ahead over the delay; the controller sees them raw if absent.
         key: Key of the noise.
 
     Returns:
         The record.
     """
-    whole, rest = divmod(loop.delay / loop.period, 1.0)
-    waiting = math.ceil(loop.delay / loop.period - 1e-9)
-    early = loop.period * (rest if waiting > whole else 0.0)
-    period = jnp.asarray(loop.period, q0.dtype)
+    waiting = math.ceil(loop.delay / loop.period - _ROUNDING)
+    first = loop.period - (waiting * loop.period - loop.delay)  # For how long the oldest input still acts.
+    early = first if waiting and first < (1 - _ROUNDING) * loop.period else 0.0
+    keys = jax.random.split(key, 3)
 
-    def advance(state: Array, u: Inputs, seconds: float) -> Array:
+    def advance(state: State, u: Inputs, seconds: float) -> State:
         if seconds == 0:
             return state
         still = jnp.zeros((), q0.dtype)
-        solver = RK4(math.ceil(seconds / loop.step - 1e-9))
+        solver = RK4(math.ceil(seconds / loop.step - _ROUNDING))
         return solver.step(plant.derivative, state, still, jnp.asarray(seconds, q0.dtype), u, u)
 
+    def measure(q: Coordinates, v: Velocities, key: PRNGKeyArray) -> tuple[Coordinates, Velocities]:
+        noise = loop.noise * jax.random.normal(key, (2, *q.shape), q.dtype)
+        return q + noise[0], v + noise[1]
+
     def sample(carry: tuple, step: Array) -> tuple:
-        state, queue = carry
+        state, queue, guess = carry
         q, v = velocities_of(plant, state)
-        q_key, v_key = jax.random.split(jax.random.fold_in(key, step))
-        measured_q = q + loop.noise * jax.random.normal(q_key, q.shape, q.dtype)
-        measured_v = v + loop.noise * jax.random.normal(v_key, v.shape, v.dtype)
-        u = controller(measured_q, measured_v, step.astype(q.dtype) * period)
+        known = measured = measure(q, v, jax.random.fold_in(keys[0], step))
+        if observer is not None:
+            guess = observer.correct(guess, *measured)
+            known = observer.look_ahead(guess, queue, first=early, period=loop.period)
+        u = controller(*known, step.astype(q.dtype) * loop.period)
         queue = jnp.concatenate([queue, u[None]])
         after = advance(state, queue[0], early)
         after = advance(after, queue[1 if early else 0], loop.period - early)
-        return (after, queue[1:]), (q, v, u)
+        if observer is not None:
+            guess = observer.predict(guess, queue[0], early)
+            guess = observer.predict(guess, queue[1 if early else 0], loop.period - early)
+        return (after, queue[1:], guess), (q, v, u)
 
     start = plant.encode(q0, rates_of(plant, q0, v0))
     steps = jnp.arange(loop.samples)
-    _, (q, v, u) = jax.lax.scan(sample, (start, jnp.zeros((waiting, plant.inputs), q0.dtype)), steps)
-    return Episode(ts=steps.astype(q0.dtype) * period, q=q, v=v, u=u)
+    guess = None if observer is None else observer.start(*measure(q0, v0, keys[1]))
+    _, (q, v, u) = jax.lax.scan(sample, (start, jnp.zeros((waiting, plant.inputs), q0.dtype), guess), steps)
+    return Episode(ts=steps.astype(q0.dtype) * loop.period, q=q, v=v, u=u)
 
 
 def run_episodes(
@@ -134,6 +147,7 @@ def run_episodes(
     v0: Float[np.ndarray, "k n"] | Float[Array, "k n"],
     loop: Loop,
     *,
+    observer: Observer | None = None,
     seed: int = 0,
 ) -> Episode:
     """Simulate many episodes at once.
@@ -144,13 +158,14 @@ def run_episodes(
         q0: Coordinates at the start of each episode.
         v0: Velocities there.
         loop: How they are connected.
+        observer: What filters the measurements; none if absent.
         seed: Seed of the noise.
 
     Returns:
         The records, episodes first.
     """
     keys = jax.random.split(jax.random.key(seed), len(q0))
-    return _episodes(plant, controller, jnp.asarray(q0), jnp.asarray(v0), loop, keys)
+    return _episodes(plant, controller, jnp.asarray(q0), jnp.asarray(v0), loop, observer, keys)
 
 
 @eqx.filter_jit
@@ -160,7 +175,12 @@ def _episodes(
     q0: Float[Array, "k n"],
     v0: Float[Array, "k n"],
     loop: Loop,
+    observer: Observer | None,
     keys: PRNGKeyArray,
 ) -> Episode:
     """All episodes in one compiled program."""
-    return jax.vmap(lambda q, v, key: close_loop(plant, controller, q, v, loop, key=key))(q0, v0, keys)
+
+    def one(q: Coordinates, v: Velocities, key: PRNGKeyArray) -> Episode:
+        return close_loop(plant, controller, q, v, loop, observer=observer, key=key)
+
+    return jax.vmap(one)(q0, v0, keys)

@@ -29,6 +29,8 @@ class Regulator(AbstractController):
         hold: Input u* that holds it.
         gain: K.
         cost: P; (e, v)ᵀ P (e, v) is the cost to go of the linearised system without limits.
+        state_weight: Q.
+        input_weight: R.
         limits: Largest magnitude of each input.
 
     References:
@@ -46,6 +48,8 @@ class Regulator(AbstractController):
     hold: Inputs
     gain: Float[Array, "m s"]
     cost: SquareMatrix
+    state_weight: SquareMatrix
+    input_weight: Float[Array, "m m"]
     limits: Inputs
 
     @classmethod
@@ -81,7 +85,7 @@ class Regulator(AbstractController):
             gain, P = _riccati(A, B, Q, R, period)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ValueError(f"The system cannot be stabilised at {goal.tolist()}: {error}.") from None
-        arrays = (as_array(array) for array in (hold, gain, P, bounds))
+        arrays = (as_array(array) for array in (hold, gain, P, Q, R, bounds))
         return cls(dynamics.space, goal, *arrays)
 
     def deviation(self, q: Coordinates, v: Velocities) -> Float[Array, " s"]:
