@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
+from symoden.spaces import Space
 
 Limits: TypeAlias = float | tuple[float, ...] | None
 
@@ -17,9 +18,11 @@ class AbstractController(eqx.Module):
     """State feedback u(q, v), or u(q, v, t) where it follows a reference.
 
     Attributes:
+        space: Configuration space.
         limits: Largest magnitude of each input; infinite where there is none.
     """
 
+    space: eqx.AbstractVar[Space]
     limits: eqx.AbstractVar[Inputs]
 
     @abc.abstractmethod
@@ -44,12 +47,12 @@ def input_limits(limits: Limits, inputs: int) -> np.ndarray:
     Raises:
         ValueError: If there is another number of them, or one is not positive.
     """
-    values = np.broadcast_to(np.inf if limits is None else np.asarray(limits, float), (inputs,)) if (
-        limits is None or np.size(limits) in {1, inputs}
-    ) else np.empty(0)
-    if values.size != inputs or not np.all(values > 0):
+    values = np.full(inputs, np.inf) if limits is None else np.asarray(limits, float)
+    if values.size == 1:
+        values = np.full(inputs, values.item())
+    if values.shape != (inputs,) or not np.all(values > 0):
         raise ValueError(f"Limits must be positive, one number for all {inputs} inputs or one for each; got {limits}.")
-    return values.copy()
+    return values
 
 
 def saturate(u: Inputs, limits: Inputs) -> Inputs:

@@ -1,6 +1,6 @@
 """Follow a planned motion from wherever along it the state is nearest; without memory."""
 
-from typing import Final, final
+from typing import final
 
 import equinox as eqx
 import jax
@@ -10,16 +10,13 @@ from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
+from symoden.spaces import Space
 
 from ._controller import AbstractController, as_array, saturate
 from ._motion import potential
 from ._plan import Motion, motion_step
 from ._regulator import Regulator
 from ._scales import bandwidth
-
-_LEVELS: Final = np.geomspace(3.0, 0.03, 8)
-_STARTS: Final = 48
-_ENOUGH: Final = 0.97
 
 
 @final
@@ -84,6 +81,11 @@ class Follower(AbstractController):
             damping=as_array(omega * inertia),
             limits=end.limits,
         )
+
+    @property
+    def space(self) -> Space:
+        """Configuration space."""
+        return self.model.space
 
     def desired_energy(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Scalar:
         """Least cost to go along the motion, or the energy that calming takes out."""

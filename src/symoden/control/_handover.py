@@ -5,6 +5,7 @@ from typing import final
 import jax.numpy as jnp
 
 from symoden.shapes import Coordinates, Flag, Inputs, Scalar, Velocities
+from symoden.spaces import Space
 
 from ._controller import AbstractController
 from ._regulator import Regulator
@@ -25,6 +26,11 @@ class Handover(AbstractController):
     near: Regulator
     level: Scalar
     limits: Inputs
+
+    @property
+    def space(self) -> Space:
+        """Configuration space."""
+        return self.near.space
 
     def handed_over(self, q: Coordinates, v: Velocities) -> Flag:
         """Whether the regulator acts.

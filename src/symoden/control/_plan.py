@@ -233,4 +233,3 @@ def _backward(
     end = jax.grad(problem.final)(x[-1]), _END * jnp.eye(x.shape[1], dtype=x.dtype)
     _, gains = jax.lax.scan(step, end, (A, B, lx, lw, lxx, lww), reverse=True)
     return gains
-

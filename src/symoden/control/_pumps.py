@@ -9,6 +9,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
+from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, as_array, input_limits, saturate
 from ._motion import friction_matrix, gradient, potential, terms
@@ -76,6 +77,11 @@ class EnergyPump(AbstractController):
             limits=as_array(bounds),
         )
 
+    @property
+    def space(self) -> Space:
+        """Configuration space."""
+        return self.model.space
+
     def desired_energy(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Scalar:
         """½ (E − E*)²/ε: how far the energy is from the target's."""
         del t
@@ -89,7 +95,9 @@ class EnergyPump(AbstractController):
         force = gradient(self.model, q)[0] * self.steepness
         still = _KICK * jnp.exp(-((v[0] / (_KICK * self.speed)) ** 2) - force**2)
         direction = jnp.sign(g[0]) * (v[0] / self.speed + still)
-        return saturate(friction + self.limits * jnp.tanh(self.steepness * self._missing(q, v) * direction), self.limits)
+        return saturate(
+            friction + self.limits * jnp.tanh(self.steepness * self._missing(q, v) * direction), self.limits
+        )
 
     def _missing(self, q: Coordinates, v: Velocities) -> Scalar:
         """E* − E."""
@@ -152,7 +160,7 @@ class CollocatedPump(AbstractController):
         Raises:
             ValueError: If the model has other numbers of coordinates or inputs.
         """
-        if model.space.size != 2 or model.inputs != 1:  # noqa: PLR2004 - as the class says
+        if model.space.size != 2 or model.inputs != 1:
             raise ValueError(
                 "This swing-up needs two coordinates and one input; the model has "
                 f"{model.space.size} and {model.inputs}."
@@ -169,6 +177,11 @@ class CollocatedPump(AbstractController):
             gains=as_array(first if gains is None else gains),
             limits=as_array(input_limits(limits, 1)),
         )
+
+    @property
+    def space(self) -> Space:
+        """Configuration space."""
+        return self.model.space
 
     def desired_energy(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Scalar:
         """½ λ² E_range: how far the energy is from the wanted one."""

@@ -10,6 +10,7 @@ from jaxtyping import ArrayLike
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
+from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, as_array, input_limits, saturate
 from ._motion import gradient
@@ -123,6 +124,11 @@ class EnergyShaping(AbstractController):
         square = e @ (self.stiffness * e)
         return square / (1 + jnp.sqrt(1 + self.curving * square))
 
+    @property
+    def space(self) -> Space:
+        """Configuration space."""
+        return self.model.space
+
     def desired_energy(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Scalar:
         """H_d = ½ vᵀ M v + V_d."""
         del t
@@ -134,7 +140,7 @@ class EnergyShaping(AbstractController):
         g = self.model.input_matrix(q)
         forces = gradient(self.model, q) - jax.grad(self.desired_potential)(q)
         shaping = saturate(jnp.linalg.solve(g, forces), self.limits)
-        braking = -self._softness(q) ** 0.5 * self.damping @ (g.T @ v)
+        braking = -(self._softness(q) ** 0.5) * self.damping @ (g.T @ v)
         return saturate(shaping + fitting(shaping, braking, self.limits), self.limits)
 
     def _softness(self, q: Coordinates) -> Scalar:
@@ -158,4 +164,3 @@ def fitting(u: Inputs, extra: Inputs, limits: Inputs) -> Inputs:
     needed = jnp.abs(extra)
     shares = jnp.where(needed > room, room / jnp.where(needed > room, needed, 1.0), 1.0)
     return jnp.min(shares) * extra
-

@@ -3,6 +3,7 @@
 from ._acrobot import Acrobot as Acrobot
 from ._cart_pole import CartPole as CartPole
 from ._link_chain import LinkChain as LinkChain
+from ._machines import MACHINES as MACHINES, Machine as Machine
 from ._pendulum import Pendulum as Pendulum
 
-__all__ = ["Acrobot", "CartPole", "LinkChain", "Pendulum"]
+__all__ = ["MACHINES", "Acrobot", "CartPole", "LinkChain", "Machine", "Pendulum"]

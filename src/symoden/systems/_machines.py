@@ -1,0 +1,65 @@
+"""Machines to control, by the names of their Gymnasium environments: a system, and where it is upright."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from symoden.mechanics import AbstractMechanical
+
+from ._acrobot import Acrobot
+from ._cart_pole import CartPole
+from ._pendulum import Pendulum
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Machine:
+    """A system to control, with the parameters of the paper's tasks.
+
+    Attributes:
+        name: Identity of its environment.
+        system: The true system.
+        upright: Configuration of the highest potential energy, lengths being zero.
+    """
+
+    name: str
+    system: AbstractMechanical
+    upright: tuple[float, ...]
+
+
+_CART_POLE: Final = {"pole_damping": 0.05}
+_DAMPINGS: Final = (0.2, 0.2)
+
+MACHINES: Final[Mapping[str, Machine]] = MappingProxyType(
+    {
+        machine.name: machine
+        for machine in (
+            Machine(
+                name="symoden/DampedPendulum-v0",
+                system=Pendulum(gravity=10.0, damping=0.1, upright=True),
+                upright=(0.0,),
+            ),
+            Machine(
+                name="symoden/DampedCartPole-v0",
+                system=CartPole(**_CART_POLE),
+                upright=(0.0, 0.0),
+            ),
+            Machine(
+                name="symoden/DampedAcrobot-v0",
+                system=Acrobot(dampings=_DAMPINGS),
+                upright=(math.pi, 0.0),
+            ),
+            Machine(
+                name="symoden/FullyActuatedCartPole-v0",
+                system=CartPole(**_CART_POLE, fully_actuated=True),
+                upright=(0.0, 0.0),
+            ),
+            Machine(
+                name="symoden/FullyActuatedAcrobot-v0",
+                system=Acrobot(dampings=_DAMPINGS, fully_actuated=True),
+                upright=(math.pi, 0.0),
+            ),
+        )
+    }
+)
