@@ -145,6 +145,37 @@ def test_a_system_is_the_mechanics_of_its_point_masses(make, sizes, dampings, gr
 
 
 @pytest.mark.parametrize("make", MAKERS)
+@given(sizes=sizes, q=vectors)
+def test_joints_are_where_the_energy_says(make, sizes, q):
+    system, q = make(sizes, (0.0,) * 3, 9.81), jnp.array(q)
+    q = q[: system.space.size]
+    places = np.asarray(system.points(q))
+    if isinstance(system, Acrobot | LinkChain):
+        lengths, masses, centres = (jnp.asarray(each) for each in (system.lengths, system.masses, system.centres))
+    elif isinstance(system, CartPole):
+        lengths, masses = jnp.asarray([2 * system.half_length]), jnp.asarray([system.pole_mass])
+        centres = lengths / 2
+    else:
+        lengths, masses = jnp.asarray([system.length]), jnp.asarray([system.mass])
+        centres = lengths / 2
+    links = np.diff(places, axis=0)
+    assert np.linalg.norm(links, axis=1) == pytest.approx(np.asarray(lengths))
+    heights = places[:-1, 1] + centres / lengths * links[:, 1]
+    lowest = lengths - jnp.cumsum(lengths) - centres
+    energy = 9.81 * masses @ (heights - lowest)
+    assert float(system.potential_energy(q)) == pytest.approx(float(energy), abs=1e-9)
+
+
+def test_links_turn_the_way_that_the_systems_say():
+    q = jnp.array([0.3, 0.0])
+    assert Pendulum().points(q[:1])[1].tolist() == pytest.approx([np.sin(0.3), -np.cos(0.3)])
+    assert Pendulum(upright=True).points(q[:1] + jnp.pi)[1].tolist() == pytest.approx([np.sin(0.3), -np.cos(0.3)])
+    assert CartPole().points(q)[0].tolist() == [0.3, 0.0]
+    assert CartPole().points(q[::-1])[1].tolist() == pytest.approx([np.sin(0.3), np.cos(0.3)])
+    assert Acrobot().points(q)[2].tolist() == pytest.approx([2 * np.sin(0.3), -2 * np.cos(0.3)])
+
+
+@pytest.mark.parametrize("make", MAKERS)
 def test_energy_is_zero_where_the_mechanism_hangs_and_nowhere_less(make):
     system = make((1.0,) * 12, (0.0,) * 3, 9.81)
     angles = jnp.linspace(-jnp.pi, jnp.pi, 13)
@@ -170,5 +201,5 @@ def test_parameters_can_be_differentiated_and_batched(make):
 def test_single_precision_stays_single_precision(make):
     system = make((1.0,) * 12, (0.1,) * 3, 9.81)
     q, u = jnp.ones(system.space.size, jnp.float32), jnp.ones(system.inputs, jnp.float32)
-    for result in (*system.vector_field(q, q, u), system.hamiltonian(q, q), system.encode(q, q)):
+    for result in (*system.vector_field(q, q, u), system.hamiltonian(q, q), system.encode(q, q), system.points(q)):
         assert result.dtype == jnp.float32

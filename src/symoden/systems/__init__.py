@@ -5,5 +5,6 @@ from ._cart_pole import CartPole as CartPole
 from ._link_chain import LinkChain as LinkChain
 from ._machines import MACHINES as MACHINES, Machine as Machine
 from ._pendulum import Pendulum as Pendulum
+from ._planar import AbstractPlanarMechanism as AbstractPlanarMechanism
 
-__all__ = ["MACHINES", "Acrobot", "CartPole", "LinkChain", "Machine", "Pendulum"]
+__all__ = ["MACHINES", "AbstractPlanarMechanism", "Acrobot", "CartPole", "LinkChain", "Machine", "Pendulum"]

@@ -5,18 +5,18 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 
-from symoden.mechanics import AbstractMechanical
 from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._inverse import inverse_of_symmetric_2x2
 from ._parameters import Parameter, require_count, require_non_negative, require_positive
+from ._planar import AbstractPlanarMechanism, Points, hanging_chain
 
 _LINKS = 2
 
 
 @final
-class Acrobot(AbstractMechanical):
+class Acrobot(AbstractPlanarMechanism):
     """Two links in a vertical plane, hinged to the world and to each other.
 
     With q = (θ₁, θ₂), θ₁ the first link's angle from the downward vertical and θ₂ the second link's angle from the
@@ -105,3 +105,7 @@ class Acrobot(AbstractMechanical):
         """Viscous friction at the joints [N m s/rad]."""
         del v
         return jnp.diag(jnp.asarray(self.dampings, q.dtype))
+
+    def points(self, q: Coordinates) -> Points:
+        """Places of shoulder, elbow and tip [m]."""
+        return hanging_chain(self.lengths, q)

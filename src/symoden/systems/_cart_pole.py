@@ -5,16 +5,16 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 
-from symoden.mechanics import AbstractMechanical
 from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._inverse import inverse_of_symmetric_2x2
 from ._parameters import Parameter, require_non_negative, require_positive
+from ._planar import AbstractPlanarMechanism, Points
 
 
 @final
-class CartPole(AbstractMechanical):
+class CartPole(AbstractPlanarMechanism):
     """Uniform pole hinged to a cart on a horizontal rail.
 
     With q = (x, θ), x the cart's place [m] and θ the pole's angle from the upward vertical [rad], positive towards
@@ -93,3 +93,8 @@ class CartPole(AbstractMechanical):
         """Viscous friction of rail [N s/m] and hinge [N m s/rad]."""
         del v
         return jnp.asarray([[self.cart_damping, 0.0], [0.0, self.pole_damping]], q.dtype)
+
+    def points(self, q: Coordinates) -> Points:
+        """Places of the hinge on the cart and of the pole's tip [m]."""
+        x, length = q[0], 2 * self.half_length
+        return jnp.asarray([[x, 0.0], [x + length * jnp.sin(q[1]), length * jnp.cos(q[1])]], q.dtype)

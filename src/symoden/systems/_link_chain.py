@@ -6,15 +6,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractMechanical
 from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._parameters import Parameter, require_count, require_non_negative, require_positive
+from ._planar import AbstractPlanarMechanism, Points, hanging_chain
 
 
 @final
-class LinkChain(AbstractMechanical):
+class LinkChain(AbstractPlanarMechanism):
     """Links in a vertical plane, each hinged to the one before it, the first to the world.
 
     The coordinates are the joints' angles [rad]: the first link's from the downward vertical, each other's from the
@@ -126,6 +126,10 @@ class LinkChain(AbstractMechanical):
         """Viscous friction at the joints [N m s/rad]."""
         del v
         return jnp.diag(jnp.asarray(self.dampings, q.dtype))
+
+    def points(self, q: Coordinates) -> Points:
+        """Places of the hinge, the joints and the tip [m]."""
+        return hanging_chain(self.lengths, q)
 
     def _reach(self, q: Coordinates) -> Float[Array, "n n"]:
         """Lengths A_ki that link i contributes to the place of centre k [m]."""

@@ -5,15 +5,15 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 
-from symoden.mechanics import AbstractMechanical
 from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._parameters import Parameter, require_non_negative, require_positive
+from ._planar import AbstractPlanarMechanism, Points
 
 
 @final
-class Pendulum(AbstractMechanical):
+class Pendulum(AbstractPlanarMechanism):
     """Uniform rod swinging in a vertical plane under gravity, torque and friction.
 
     With q the angle from the downward vertical [rad], p its momentum [kg m²/s] and u the torque about the hinge
@@ -87,3 +87,8 @@ class Pendulum(AbstractMechanical):
         """Viscous friction at the hinge [N m s/rad]."""
         del v
         return jnp.asarray([[self.damping]], q.dtype)
+
+    def points(self, q: Coordinates) -> Points:
+        """Places of hinge and tip [m]."""
+        upward = 1 if self.upright else -1
+        return self.length * jnp.asarray([[0.0, 0.0], [-upward * jnp.sin(q[0]), upward * jnp.cos(q[0])]], q.dtype)
