@@ -4,7 +4,14 @@ from ._attraction import attraction as attraction
 from ._audit import LyapunovAudit as LyapunovAudit, audit_energy as audit_energy, energy_rate as energy_rate
 from ._compiled import Compiled as Compiled
 from ._controller import AbstractController as AbstractController
-from ._design import METHODS as METHODS, Method as Method, choose_method as choose_method, design as design
+from ._design import (
+    METHODS as METHODS,
+    Method as Method,
+    Tell as Tell,
+    choose_method as choose_method,
+    design as design,
+    silent as silent,
+)
 from ._follower import Follower as Follower
 from ._handover import Handover as Handover
 from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
@@ -36,6 +43,7 @@ __all__ = [
     "Observer",
     "Reference",
     "Regulator",
+    "Tell",
     "Tolerance",
     "Tracking",
     "Verdict",
@@ -49,4 +57,5 @@ __all__ = [
     "linearize",
     "plan_motion",
     "run_episodes",
+    "silent",
 ]

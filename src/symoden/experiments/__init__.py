@@ -3,6 +3,14 @@
 from ._audit import Audit as Audit, audit as audit
 from ._block_errors import BlockErrors as BlockErrors, block_errors as block_errors
 from ._cells import Cell as Cell, CellResult as CellResult, cells as cells
+from ._control import (
+    ControlConfig as ControlConfig,
+    ControlResult as ControlResult,
+    initial_states as initial_states,
+    machine_of as machine_of,
+    outside_data as outside_data,
+    try_control as try_control,
+)
 from ._evaluate import (
     Prediction as Prediction,
     RecordingScore as RecordingScore,
@@ -92,6 +100,8 @@ __all__ = [
     "CellResult",
     "CircleDrift",
     "Contest",
+    "ControlConfig",
+    "ControlResult",
     "DataSummary",
     "EnergyCurves",
     "ErrorComparison",
@@ -133,9 +143,12 @@ __all__ = [
     "fit_gauge",
     "free_rollouts",
     "holds_run",
+    "initial_states",
     "inspect_model",
     "is_own",
     "machine_facts",
+    "machine_of",
+    "outside_data",
     "own_trajectories",
     "phase_plane",
     "portrait",
@@ -161,6 +174,7 @@ __all__ = [
     "table_rows",
     "task",
     "train_run",
+    "try_control",
     "unseen_rollouts",
     "write_result",
     "write_run",

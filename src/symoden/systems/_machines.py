@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from symoden.mechanics import AbstractMechanical
-
 from ._acrobot import Acrobot
 from ._cart_pole import CartPole
 from ._pendulum import Pendulum
+from ._planar import AbstractPlanarMechanism
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -21,11 +20,13 @@ class Machine:
         name: Identity of its environment.
         system: The true system.
         upright: Configuration of the highest potential energy, lengths being zero.
+        max_input: Largest magnitude of each input that its motors give [N or N m].
     """
 
     name: str
-    system: AbstractMechanical
+    system: AbstractPlanarMechanism
     upright: tuple[float, ...]
+    max_input: tuple[float, ...]
 
 
 _CART_POLE: Final = {"pole_damping": 0.05}
@@ -39,26 +40,31 @@ MACHINES: Final[Mapping[str, Machine]] = MappingProxyType(
                 name="symoden/DampedPendulum-v0",
                 system=Pendulum(gravity=10.0, damping=0.1, upright=True),
                 upright=(0.0,),
+                max_input=(15.0,),
             ),
             Machine(
                 name="symoden/DampedCartPole-v0",
                 system=CartPole(**_CART_POLE),
                 upright=(0.0, 0.0),
+                max_input=(15.0,),
             ),
             Machine(
                 name="symoden/DampedAcrobot-v0",
                 system=Acrobot(dampings=_DAMPINGS),
                 upright=(math.pi, 0.0),
+                max_input=(15.0,),
             ),
             Machine(
                 name="symoden/FullyActuatedCartPole-v0",
                 system=CartPole(**_CART_POLE, fully_actuated=True),
                 upright=(0.0, 0.0),
+                max_input=(15.0, 15.0),
             ),
             Machine(
                 name="symoden/FullyActuatedAcrobot-v0",
                 system=Acrobot(dampings=_DAMPINGS, fully_actuated=True),
                 upright=(math.pi, 0.0),
+                max_input=(40.0, 40.0),
             ),
         )
     }
