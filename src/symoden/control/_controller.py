@@ -1,17 +1,19 @@
 """What every controller is: a pure function from a measurement to an input, within limits."""
 
 import abc
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
 from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
 Limits: TypeAlias = float | tuple[float, ...] | None
+Target: TypeAlias = ArrayLike | Sequence[float]
 
 
 class AbstractController(eqx.Module):
@@ -68,6 +70,6 @@ def saturate(u: Inputs, limits: Inputs) -> Inputs:
     return jnp.clip(u, -limits, limits)
 
 
-def as_array(value: ArrayLike) -> Inputs:
+def as_array(value: Target) -> Float[Array, "..."]:
     """Constant of a controller in the default precision of JAX: double where it is switched on."""
     return jnp.asarray(value, jnp.result_type(float))

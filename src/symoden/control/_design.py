@@ -7,13 +7,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Scalar
 
 from ._attraction import attraction, follower_level
-from ._controller import AbstractController, Limits, as_array, input_limits
+from ._controller import AbstractController, Limits, Target, as_array, input_limits
 from ._follower import Follower
 from ._handover import Handover
 from ._lagrangian import ControlledLagrangian
@@ -47,7 +47,7 @@ def silent(text: str) -> None:
 
 def design(
     model: AbstractDynamics,
-    target: ArrayLike,
+    target: Target,
     *,
     method: Method | None = None,
     limits: Limits = None,
@@ -96,7 +96,7 @@ def design(
     raise ValueError(f"A method must be one of {', '.join(METHODS)}; got {chosen!r}.")
 
 
-def choose_method(model: AbstractDynamics, target: ArrayLike, *, limits: Limits = None) -> Method:
+def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = None) -> Method:
     """Method that suits a system: energy shaping where the inputs can carry it everywhere, otherwise swing-up.
 
     Args:

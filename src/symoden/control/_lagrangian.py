@@ -6,13 +6,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
-from ._controller import AbstractController, Limits, as_array, input_limits, saturate
+from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
 from ._motion import potential, terms, velocity_field
 from ._pumps import actuated_coordinate
 from ._scales import bandwidth
@@ -80,11 +80,11 @@ class ControlledLagrangian(AbstractController):
     def of(
         cls,
         model: AbstractPortHamiltonian,
-        target: ArrayLike,
+        target: Target,
         *,
         limits: Limits = None,
         reach: float = 0.8,
-        gains: ArrayLike | None = None,
+        gains: Target | None = None,
     ) -> "ControlledLagrangian":
         """Choose the gains with which the linearised closed loop, learned friction included, decays fastest.
 

@@ -6,13 +6,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Inputs, Scalar, State
 
-from ._controller import Limits, as_array, input_limits
+from ._controller import Limits, Target, as_array, input_limits
 from ._motion import velocity_field
 from ._scales import bandwidth
 
@@ -112,8 +112,8 @@ def motion_step(model: AbstractPortHamiltonian, x: State, u: Inputs, period: flo
 
 def plan_motion(
     model: AbstractPortHamiltonian,
-    start: ArrayLike,
-    target: ArrayLike,
+    start: Target,
+    target: Target,
     *,
     limits: Limits,
     duration: float = 4.0,

@@ -5,13 +5,13 @@ from typing import Final, final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
-from ._controller import AbstractController, Limits, as_array, input_limits, saturate
+from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
 from ._motion import friction_matrix, gradient, potential, terms
 from ._scales import bandwidth, energy_range
 
@@ -48,7 +48,7 @@ class EnergyPump(AbstractController):
     limits: Inputs
 
     @classmethod
-    def of(cls, model: AbstractPortHamiltonian, target: ArrayLike, *, limits: Limits) -> "EnergyPump":
+    def of(cls, model: AbstractPortHamiltonian, target: Target, *, limits: Limits) -> "EnergyPump":
         """Choose scales from the learned energy.
 
         Args:
@@ -141,10 +141,10 @@ class CollocatedPump(AbstractController):
     def of(
         cls,
         model: AbstractPortHamiltonian,
-        target: ArrayLike,
+        target: Target,
         *,
         limits: Limits,
-        gains: ArrayLike | None = None,
+        gains: Target | None = None,
     ) -> "CollocatedPump":
         """Make the controller with given gains, or with those to start a search from.
 

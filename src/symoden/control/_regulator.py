@@ -7,13 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
-from ._controller import AbstractController, Limits, as_array, input_limits, saturate
+from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
 from ._motion import velocity_field
 
 _REST = 1e-6
@@ -54,7 +54,7 @@ class Regulator(AbstractController):
 
     @classmethod
     def of(
-        cls, dynamics: AbstractDynamics, target: ArrayLike, *, limits: Limits = None, period: float | None = None
+        cls, dynamics: AbstractDynamics, target: Target, *, limits: Limits = None, period: float | None = None
     ) -> "Regulator":
         """Linearise, and solve the Riccati equation.
 

@@ -6,13 +6,12 @@ from typing import final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
-from ._controller import AbstractController, Limits, as_array, input_limits, saturate
+from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
 from ._motion import gradient
 from ._scales import bandwidth, static_load
 
@@ -62,7 +61,7 @@ class EnergyShaping(AbstractController):
     def of(
         cls,
         model: AbstractPortHamiltonian,
-        target: ArrayLike,
+        target: Target,
         *,
         frequency: float | None = None,
         damping_ratio: float = 1.0,
