@@ -1,5 +1,7 @@
 """Systems that controllers are tried on, with the parameters of the paper's tasks."""
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -16,12 +18,13 @@ FULL_CART_POLE = CartPole(cart_damping=0.1, pole_damping=0.05, fully_actuated=Tr
 ACROBOT = Acrobot(dampings=(0.2, 0.2))
 FULL_ACROBOT = Acrobot(dampings=(0.2, 0.2), fully_actuated=True)
 FULL = {"pendulum": (PENDULUM, [0.0], 15.0), "cart-pole": (FULL_CART_POLE, [0.0, 0.0], 15.0)}
+RATE = eqx.filter_jit(energy_rate)
 FULL["acrobot"] = (FULL_ACROBOT, [np.pi, 0.0], 40.0)
 
 
 def rate_of(plant, controller, q, v, t=0.0):
     """dH_d/dt and the input, as numbers."""
-    rate, u = energy_rate(plant, controller, jnp.asarray(q), jnp.asarray(v), jnp.asarray(t))
+    rate, u = RATE(plant, controller, jnp.asarray(q), jnp.asarray(v), jnp.asarray(t))
     return float(rate), np.asarray(u)
 
 
@@ -33,8 +36,6 @@ def learned(scrambled):
         small = BlockConfig(hidden=(4,))
         plain = BlockConfig(constant=True)
         config = ModelConfig(inverse_mass=small, potential=small, actuation=plain, friction=small, knees=(0.5,))
-        import jax
-
         parsed = Space.parse(space)
         return scrambled(build(config, parsed, inputs, key=jax.random.key(seed)), seed, 0.3)
 

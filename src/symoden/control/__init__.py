@@ -1,7 +1,12 @@
 """Controllers from the energy of a system, analytic or learned, and the closed loop that tries them."""
 
 from ._attraction import attraction as attraction
-from ._audit import LyapunovAudit as LyapunovAudit, audit_energy as audit_energy, energy_rate as energy_rate
+from ._audit import (
+    LyapunovAudit as LyapunovAudit,
+    audit_energy as audit_energy,
+    desired_energies as desired_energies,
+    energy_rate as energy_rate,
+)
 from ._compiled import Compiled as Compiled
 from ._controller import AbstractController as AbstractController
 from ._design import (
@@ -52,6 +57,7 @@ __all__ = [
     "choose_method",
     "close_loop",
     "design",
+    "desired_energies",
     "energy_rate",
     "judge",
     "linearize",

@@ -17,7 +17,8 @@ from ._loop import Episode
 from ._motion import velocity_field
 
 _TOLERANCE: Final = 1e-6
-_SHOWN: Final = 200_000
+_SHOWN: Final = 50_000
+_BATCH: Final = 1_000  # Much larger batches of small factorizations can block XLA on processors of few cores.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,7 +92,30 @@ def _rates(
     ts: Float[Array, " k"],
 ) -> tuple[Float[Array, " k"], Float[Array, "k m"]]:
     """Rates and inputs at many states."""
-    return jax.vmap(lambda q, v, t: energy_rate(plant, controller, q, v, t))(q, v, ts)
+    return jax.lax.map(lambda at: energy_rate(plant, controller, *at), (q, v, ts), batch_size=_BATCH)
+
+
+def desired_energies(controller: AbstractController, episodes: Episode) -> Float[np.ndarray, "k T"]:
+    """Evaluate the desired energy at the samples of a batch of episodes.
+
+    Args:
+        controller: The controller.
+        episodes: Records.
+
+    Returns:
+        The energies.
+    """
+    n = episodes.q.shape[-1]
+    flat = episodes.q.reshape(-1, n), episodes.v.reshape(-1, n), episodes.ts.reshape(-1)
+    return np.asarray(_energies(controller, *flat)).reshape(episodes.ts.shape)
+
+
+@eqx.filter_jit
+def _energies(
+    controller: AbstractController, q: Float[Array, "k n"], v: Float[Array, "k n"], ts: Float[Array, " k"]
+) -> Float[Array, " k"]:
+    """Desired energies at many states."""
+    return jax.lax.map(lambda at: controller.desired_energy(*at), (q, v, ts), batch_size=_BATCH)
 
 
 def energy_rate(

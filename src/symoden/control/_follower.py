@@ -125,7 +125,7 @@ def _gains(
     """Discrete Riccati equation backwards along a motion."""
     A, B = jax.vmap(jax.jacfwd(lambda x, u: motion_step(model, x, u, period), (0, 1)))(x[:-1], u)
 
-    def step(P: SquareMatrix, at: tuple) -> tuple:
+    def step(P: Float[Array, "s s"], at: tuple) -> tuple:
         A, B = at
         K = jnp.linalg.solve(period * end.input_weight + B.T @ P @ B, B.T @ P @ A)
         P = period * end.state_weight + A.T @ P @ (A - B @ K)

@@ -162,7 +162,7 @@ class ControlledLagrangian(AbstractController):
         thetas = jnp.linspace(-np.pi, np.pi, 64, dtype=self.target.dtype)
         slopes = jax.vmap(lambda theta: jax.grad(potential, 1)(self.model, self.target.at[1 - a].set(theta)))(thetas)
         largest = np.abs(np.asarray(slopes)).max(axis=0)
-        return float(largest[a] / largest[1 - a])
+        return float(largest[a] / max(largest.max(), np.finfo(float).tiny))
 
     @property
     def space(self) -> Space:

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Key, PRNGKeyArray
 
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
@@ -104,7 +104,7 @@ def close_loop(
     waiting = math.ceil(loop.delay / loop.period - _ROUNDING)
     first = loop.period - (waiting * loop.period - loop.delay)  # For how long the oldest input still acts.
     early = first if waiting and first < (1 - _ROUNDING) * loop.period else 0.0
-    keys = jax.random.split(key, 3)
+    noise_key, start_key = jax.random.split(key)
 
     def advance(state: State, u: Inputs, seconds: float) -> State:
         if seconds == 0:
@@ -120,7 +120,7 @@ def close_loop(
     def sample(carry: tuple, step: Array) -> tuple:
         state, queue, guess = carry
         q, v = velocities_of(plant, state)
-        known = measured = measure(q, v, jax.random.fold_in(keys[0], step))
+        known = measured = measure(q, v, jax.random.fold_in(noise_key, step))
         if observer is not None:
             guess = observer.correct(guess, *measured)
             known = observer.look_ahead(guess, queue, first=early, period=loop.period)
@@ -135,7 +135,7 @@ def close_loop(
 
     start = plant.encode(q0, rates_of(plant, q0, v0))
     steps = jnp.arange(loop.samples)
-    guess = None if observer is None else observer.start(*measure(q0, v0, keys[1]))
+    guess = None if observer is None else observer.start(*measure(q0, v0, start_key))
     _, (q, v, u) = jax.lax.scan(sample, (start, jnp.zeros((waiting, plant.inputs), q0.dtype), guess), steps)
     return Episode(ts=steps.astype(q0.dtype) * loop.period, q=q, v=v, u=u)
 
@@ -176,7 +176,7 @@ def _episodes(
     v0: Float[Array, "k n"],
     loop: Loop,
     observer: Observer | None,
-    keys: PRNGKeyArray,
+    keys: Key[Array, " k"],
 ) -> Episode:
     """All episodes in one compiled program."""
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
-from symoden.shapes import Coordinates, Inputs, SquareMatrix, State, Velocities
+from symoden.shapes import Coordinates, Inputs, State, Velocities
 
 from ._motion import rates_of, velocities_of
 
@@ -29,7 +29,7 @@ class Estimate(NamedTuple):
 
     q: Coordinates
     v: Velocities
-    covariance: SquareMatrix
+    covariance: Float[Array, "s s"]
 
 
 @final

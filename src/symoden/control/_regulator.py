@@ -10,7 +10,7 @@ import scipy.linalg
 from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractDynamics
-from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
+from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
@@ -47,8 +47,8 @@ class Regulator(AbstractController):
     target: Coordinates
     hold: Inputs
     gain: Float[Array, "m s"]
-    cost: SquareMatrix
-    state_weight: SquareMatrix
+    cost: Float[Array, "s s"]
+    state_weight: Float[Array, "s s"]
     input_weight: Float[Array, "m m"]
     limits: Inputs
 

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PRNGKeyArray
+from jaxtyping import Array, Float, Key, PRNGKeyArray
 
 from symoden.mechanics import AbstractDynamics
 
@@ -77,7 +77,7 @@ def _scores(
     gains: Float[Array, "c g"],
     q0: Float[Array, "k n"],
     v0: Float[Array, "k n"],
-    keys: PRNGKeyArray,
+    keys: Key[Array, " k"],
     loop: Loop,
 ) -> Float[Array, " c"]:
     """Mean score of each candidate over the starts."""

@@ -132,4 +132,4 @@ def _coriolis(model: AbstractPortHamiltonian, q: Coordinates, v: Velocities) -> 
     """C(q, v) by Christoffel's symbols of the first kind."""
     by_q = jax.jacfwd(model.mass_matrix)(q)  # ∂M_ij/∂q_k at [i, j, k]
     gamma = 0.5 * (by_q + jnp.swapaxes(by_q, 1, 2) - jnp.transpose(by_q, (2, 1, 0)))
-    return jnp.sum(gamma * v, axis=2)
+    return jnp.einsum("ijk,k->ij", gamma, v)

@@ -25,6 +25,7 @@ from symoden.control import (
     audit_energy,
     choose_method,
     design,
+    desired_energies,
     judge,
     run_episodes,
     silent,
@@ -217,7 +218,7 @@ def try_control(
         controller=controller,
         limits=limits,
         episodes=episodes,
-        energy=_energies(controller, episodes),
+        energy=desired_energies(controller, episodes),
         verdict=_judged(controller, episodes, machine),
         audit=audit_energy(system, controller, episodes),
         controller_ms=_call_ms(controller, q0[0], v0[0]),
@@ -231,11 +232,6 @@ def _judged(controller: AbstractController, episodes: Episode, machine: Machine)
         return judge(episodes, machine.system.space, np.asarray(machine.upright))
     q, v, _ = jax.vmap(controller.wanted)(episodes.ts[0])
     return judge(episodes, machine.system.space, np.asarray(q), velocities=np.asarray(v))
-
-
-def _energies(controller: AbstractController, episodes: Episode) -> Float[np.ndarray, "k T"]:
-    """Desired energy along each record."""
-    return np.asarray(jax.jit(jax.vmap(jax.vmap(controller.desired_energy)))(episodes.q, episodes.v, episodes.ts))
 
 
 def _call_ms(controller: AbstractController, q: Float[np.ndarray, " n"], v: Float[np.ndarray, " n"]) -> float:
