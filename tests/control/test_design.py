@@ -62,8 +62,6 @@ def test_names_make_their_controllers():
     }
     assert [type(each) for each in made.values()] == [EnergyShaping, Tracking, Regulator, ControlledLagrangian]
     assert {*made, "swing-up"} <= set(METHODS)
-    with pytest.raises(ValueError, match="A method must be one of"):
-        design(PENDULUM, [0.0], method="magic")  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="Swing-up needs limits"):
         design(PENDULUM, [0.0], method="swing-up")
 
@@ -125,8 +123,7 @@ def test_the_lowest_configuration_hangs():
     np.testing.assert_allclose(ACROBOT.space.wrap(lowest(ACROBOT, jnp.array([np.pi, 0.0]))), 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("beta", [0.2, 7.0])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("seed", "beta"), [(0, 0.2), (1, 7.0)])
 def test_the_unit_of_momentum_changes_no_input(learned, beta, seed):
     full, under, single = learned("T2", 2, seed), learned("R1 T1", 1, seed), learned("T1", 1, seed)
     limit, generator = 50.0, np.random.default_rng(seed)

@@ -93,7 +93,6 @@ def design(
             return ControlledLagrangian.of(model, target, limits=limits)
         case "swing-up":
             return _swing_up(model, as_array(target), limits=limits, period=period, tell=tell)
-    raise ValueError(f"A method must be one of {', '.join(METHODS)}; got {chosen!r}.")
 
 
 def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = None) -> Method:

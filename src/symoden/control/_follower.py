@@ -114,7 +114,7 @@ class Follower(AbstractController):
         """Cost to go from every sample of the motion, and the deviations from them."""
         n = self.model.space.size
         e = jax.vmap(self.model.space.difference, (None, 0))(q, self.x[:, :n])
-        x = jnp.concatenate([e, v - self.x[:, n:]], axis=1)
+        x = jnp.concatenate([e, v[None] - self.x[:, n:]], axis=1)
         return jnp.sum(x * jnp.squeeze(self.cost @ x[:, :, None], -1), axis=1), x
 
 

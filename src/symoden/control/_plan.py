@@ -163,7 +163,7 @@ def plan_motion(
             f"No motion of {duration} s from {q0.tolist()} to {goal.tolist()} within the limits was found on the "
             "model. Allow more input or time."
         )
-    return Motion(plans.x[best], problem.limits * jnp.tanh(plans.w[best]), period)
+    return Motion(plans.x[best], problem.limits[None] * jnp.tanh(plans.w[best]), period)
 
 
 class _Iterate(NamedTuple):

@@ -52,10 +52,10 @@ def searched(
     assert isinstance(pump, CollocatedPump)
     best = mean = np.log(np.asarray(pump.gains))
     best_score, spread = np.inf, np.full(mean.shape, _SPREAD)
-    starts = jnp.asarray(q0), jnp.asarray(v0), jax.random.split(jax.random.key(seed), len(q0))
     for _ in range(rounds):
         draw = mean + spread * generator.standard_normal((_CANDIDATES, len(mean)))
         draw[0] = best
+        starts = jnp.asarray(q0), jnp.asarray(v0), jax.random.split(jax.random.key(seed), len(q0))  # The same noise.
         scores = np.asarray(_scores(dynamics, controller, jnp.exp(jnp.asarray(draw)), *starts, loop))
         order = np.argsort(np.where(np.isfinite(scores), scores, np.inf))
         if scores[order[0]] < best_score:
