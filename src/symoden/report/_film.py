@@ -3,6 +3,8 @@
 import io
 from typing import Final
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from symoden.drawing import draw_chain
@@ -36,9 +38,8 @@ def film(result: ControlResult) -> bytes:
     end = ts[-1] if np.isnan(settled) else min(ts[-1], settled + _AFTER)
     at = np.searchsorted(ts, np.arange(0.0, end, 1 / _RATE)).clip(max=len(ts) - 1)
     cart = isinstance(system, CartPole)
-    pictures = [
-        Image.fromarray(draw_chain(np.asarray(system.points(q[i])), cart=cart, size=_SIZE)).quantize(32) for i in at
-    ]
+    points = np.asarray(jax.vmap(system.points)(jnp.asarray(q[at])))
+    pictures = [Image.fromarray(draw_chain(each, cart=cart, size=_SIZE)).quantize(32) for each in points]
     buffer = io.BytesIO()
     pictures[0].save(
         buffer, format="GIF", save_all=True, append_images=pictures[1:], duration=1000 // _RATE, loop=0, optimize=True
