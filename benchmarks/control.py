@@ -151,7 +151,7 @@ def _key(bar: str, model: str, loop: str) -> str:
 def main() -> None:
     """Run what is not finished, and print the table."""
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - JAX's signature
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser = argparse.ArgumentParser(description="Controllers made from learned models, tried on the true machines.")
     parser.add_argument("runs", type=Path)
     parser.add_argument("--out", type=Path, default=Path("runs/control.jsonl"))
     parser.add_argument("--only", default="", help="bars whose names contain this")

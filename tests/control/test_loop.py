@@ -12,14 +12,16 @@ from symoden.integrate import RK4, rollout
 from .conftest import CART_POLE, PENDULUM
 
 SHAPING = EnergyShaping.of(PENDULUM, [0.0], limits=15.0)
+LOOP = Loop(duration=0.5, noise=0.01)
 START = np.array([[2.0], [-1.0]]), np.array([[0.5], [0.0]])
+FIRST = jnp.asarray(START[0][0]), jnp.asarray(START[1][0])
 
 
 def test_inputs_are_held_for_a_period():
     loop = Loop(duration=1.0, period=0.1, step=0.01)
     episodes = run_episodes(PENDULUM, SHAPING, *START, loop)
     assert episodes.u.shape == (2, 10, 1)
-    path = rollout(PENDULUM, *(x[0] for x in map(jnp.asarray, START)), episodes.ts[0], episodes.u[0], solver=RK4(10))
+    path = rollout(PENDULUM, FIRST[0], FIRST[1], episodes.ts[0], episodes.u[0], solver=RK4(10))
     np.testing.assert_allclose(path.q, episodes.q[0], atol=1e-12)
 
 
@@ -28,7 +30,7 @@ def test_a_delay_of_whole_periods_shifts_the_inputs(delay, late):
     loop = Loop(duration=1.0, period=0.1, step=0.01, delay=delay)
     episodes = run_episodes(PENDULUM, SHAPING, *START, loop)
     acted = jnp.concatenate([jnp.zeros((late, 1)), episodes.u[0, :-late]])
-    path = rollout(PENDULUM, *(x[0] for x in map(jnp.asarray, START)), episodes.ts[0], acted, solver=RK4(10))
+    path = rollout(PENDULUM, FIRST[0], FIRST[1], episodes.ts[0], acted, solver=RK4(10))
     np.testing.assert_allclose(path.q, episodes.q[0], atol=1e-12)
 
 
@@ -111,8 +113,6 @@ def test_a_diverging_episode_is_no_success():
 
 def test_one_episode_is_the_same_alone():
     keys = jax.random.split(jax.random.key(0), 2)
-    batch = run_episodes(PENDULUM, SHAPING, *START, Loop(duration=0.5, noise=0.01))
-    alone = close_loop(
-        PENDULUM, SHAPING, *(jnp.asarray(x[1]) for x in START), Loop(duration=0.5, noise=0.01), key=keys[1]
-    )
+    batch = run_episodes(PENDULUM, SHAPING, *START, LOOP)
+    alone = close_loop(PENDULUM, SHAPING, jnp.asarray(START[0][1]), jnp.asarray(START[1][1]), LOOP, key=keys[1])
     np.testing.assert_allclose(batch.q[1], alone.q, atol=1e-12)

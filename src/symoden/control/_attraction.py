@@ -22,6 +22,8 @@ _CALMED: Final = 0.02
 _SHARE: Final = 0.8
 _FUNNELS: Final = np.geomspace(0.02, 2.0, 6)
 _ENOUGH: Final = 0.95
+_PLAN_PERIOD: Final = 0.02
+_AFTER: Final = 2.0
 
 
 def attraction(
@@ -80,16 +82,13 @@ def follower_level(dynamics: AbstractDynamics, controller: Handover, *, period: 
     starts = (x[at] + np.sqrt(_FUNNELS)[:, None, None] * away).reshape(-1, s)
     following = eqx.tree_at(lambda c: c.far.level, controller, as_array(np.inf))
     loop = Loop(duration=len(x) * _PLAN_PERIOD + _AFTER, period=period, step=period)
-    episodes = run_episodes(dynamics, following, *np.split(starts, 2, axis=1), loop)
+    q0, v0 = np.split(starts, 2, axis=1)
+    episodes = run_episodes(dynamics, following, q0, v0, loop)
     costs = np.asarray(_costs(controller.near, episodes.q[:, -1], episodes.v[:, -1])).reshape(len(_FUNNELS), -1)
     with np.errstate(invalid="ignore"):
         good = (costs < float(controller.level)).mean(axis=1) >= _ENOUGH
     count = len(_FUNNELS) if good.all() else int(np.argmin(good))
     return float(_FUNNELS[max(count - 1, 0)])
-
-
-_PLAN_PERIOD: Final = 0.02
-_AFTER: Final = 2.0
 
 
 def _sphere(generator: np.random.Generator, size: int) -> Float[np.ndarray, "k s"]:

@@ -71,7 +71,7 @@ def audit_energy(plant: AbstractDynamics, controller: AbstractController, episod
     largest = float(np.abs(rates).max())
     holds = rates <= _TOLERANCE * largest
     at = int(np.argmax(rates))
-    limited = (np.abs(u.reshape(-1, m)) >= np.asarray(controller.limits)).any(axis=1)
+    limited = np.any(np.abs(u.reshape(-1, m)) >= np.asarray(controller.limits), axis=1)
     return LyapunovAudit(
         rates=rates,
         holds=holds,

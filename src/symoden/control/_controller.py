@@ -20,12 +20,15 @@ class AbstractController(eqx.Module):
     """State feedback u(q, v), or u(q, v, t) where it follows a reference.
 
     Attributes:
-        space: Configuration space.
         limits: Largest magnitude of each input; infinite where there is none.
     """
 
-    space: eqx.AbstractVar[Space]
     limits: eqx.AbstractVar[Inputs]
+
+    @property
+    @abc.abstractmethod
+    def space(self) -> Space:
+        """Configuration space."""
 
     @abc.abstractmethod
     def __call__(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Inputs:

@@ -107,12 +107,14 @@ class Observer(eqx.Module):
             return guess
 
         def move(x: State) -> tuple[State, State]:
-            after = jnp.concatenate(self._move(*jnp.split(x, 2), u, seconds))
+            q, v = jnp.split(x, 2)
+            after = jnp.concatenate(self._move(q, v, u, seconds))
             return after, after
 
         A, after = jax.jacfwd(move, has_aux=True)(jnp.concatenate(guess[:2]))
         grown = A @ guess.covariance @ A.T + self.drift**2 * seconds * jnp.eye(len(A), dtype=A.dtype)
-        return Estimate(*jnp.split(after, 2), grown)
+        q, v = jnp.split(after, 2)
+        return Estimate(q, v, grown)
 
     def look_ahead(
         self, guess: Estimate, us: Float[Array, "w m"], *, first: float, period: float

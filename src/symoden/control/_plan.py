@@ -177,8 +177,12 @@ class _Iterate(NamedTuple):
 def _improved(problem: _Problem, start: State, guesses: Float[Array, "c N m"]) -> _Plan:
     """Improve every guess."""
 
+    def advance(x: State, w: Inputs) -> tuple[State, State]:
+        after = problem.step(x, w)
+        return after, after
+
     def one(w: Float[Array, "N m"]) -> _Plan:
-        x = jnp.concatenate([start[None], jax.lax.scan(lambda x, w: (problem.step(x, w),) * 2, start, w)[1]])
+        x = jnp.concatenate([start[None], jax.lax.scan(advance, start, w)[1]])
         first = _Iterate(_Plan(x, w, problem.total(x, w)), jnp.asarray(1e-2, start.dtype))
         return jax.lax.scan(lambda it, _: (_iteration(problem, it), None), first, None, length=_ITERATIONS)[0].plan
 

@@ -24,7 +24,7 @@ class Regulator(AbstractController):
     """Holds a system at an equilibrium by linear feedback, u = u* − K (e, v), angles the short way round.
 
     Attributes:
-        space: Configuration space.
+        configurations: Configuration space.
         target: Configuration to hold.
         hold: Input u* that holds it.
         gain: K.
@@ -43,7 +43,7 @@ class Regulator(AbstractController):
         (1, 4)
     """
 
-    space: Space
+    configurations: Space
     target: Coordinates
     hold: Inputs
     gain: Float[Array, "m s"]
@@ -85,8 +85,21 @@ class Regulator(AbstractController):
             gain, P = _riccati(A, B, Q, R, period)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ValueError(f"The system cannot be stabilised at {goal.tolist()}: {error}.") from None
-        arrays = (as_array(array) for array in (hold, gain, P, Q, R, bounds))
-        return cls(dynamics.space, goal, *arrays)
+        return cls(
+            configurations=dynamics.space,
+            target=goal,
+            hold=as_array(hold),
+            gain=as_array(gain),
+            cost=as_array(P),
+            state_weight=as_array(Q),
+            input_weight=as_array(R),
+            limits=as_array(bounds),
+        )
+
+    @property
+    def space(self) -> Space:
+        """Configuration space."""
+        return self.configurations
 
     def deviation(self, q: Coordinates, v: Velocities) -> Float[Array, " s"]:
         """Way from the target, then the velocities.

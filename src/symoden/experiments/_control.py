@@ -31,10 +31,9 @@ from symoden.control import (
     silent,
 )
 from symoden.mechanics import AbstractDynamics
-from symoden.systems import MACHINES, Machine
+from symoden.systems import MACHINES, Machine, Pendulum
 
 from ._ranges import Ranges
-from ._tasks import TASKS
 
 _CALLS: Final = 2000
 _WARM: Final = 50
@@ -47,6 +46,12 @@ _TASK_MACHINES: Final[Mapping[str, str]] = MappingProxyType(
         "cartpole-full": "symoden/FullyActuatedCartPole-v0",
         "acrobot-full": "symoden/FullyActuatedAcrobot-v0",
     }
+)
+_HANGING: Final = Machine(  # Task 1, whose data are momenta and whose angle is told to be a number.
+    name="pendulum-canonical",
+    system=Pendulum(gravity=10.0, damping=0.1, momenta=True),
+    upright=(np.pi,),
+    max_input=(15.0,),
 )
 
 
@@ -142,9 +147,8 @@ def machine_of(source: str, env: str | None) -> Machine:
         return MACHINES[env]
     if source in _TASK_MACHINES:
         return MACHINES[_TASK_MACHINES[source]]
-    if source in TASKS:
-        system = TASKS[source].system
-        return Machine(name=source, system=system, upright=(np.pi,) * system.space.size, max_input=(15.0,))
+    if source == _HANGING.name:
+        return _HANGING
     raise ValueError(
         f"The run was trained on `{source}`, whose machine cannot be simulated. Name one by `--env`: "
         f"{', '.join(MACHINES)}."

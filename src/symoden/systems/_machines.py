@@ -29,7 +29,7 @@ class Machine:
     max_input: tuple[float, ...]
 
 
-_CART_POLE: Final = {"pole_damping": 0.05}
+_POLE_DAMPING: Final = 0.05
 _DAMPINGS: Final = (0.2, 0.2)
 
 MACHINES: Final[Mapping[str, Machine]] = MappingProxyType(
@@ -44,7 +44,7 @@ MACHINES: Final[Mapping[str, Machine]] = MappingProxyType(
             ),
             Machine(
                 name="symoden/DampedCartPole-v0",
-                system=CartPole(**_CART_POLE),
+                system=CartPole(pole_damping=_POLE_DAMPING),
                 upright=(0.0, 0.0),
                 max_input=(15.0,),
             ),
@@ -56,7 +56,7 @@ MACHINES: Final[Mapping[str, Machine]] = MappingProxyType(
             ),
             Machine(
                 name="symoden/FullyActuatedCartPole-v0",
-                system=CartPole(**_CART_POLE, fully_actuated=True),
+                system=CartPole(pole_damping=_POLE_DAMPING, fully_actuated=True),
                 upright=(0.0, 0.0),
                 max_input=(15.0, 15.0),
             ),
