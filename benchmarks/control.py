@@ -64,10 +64,11 @@ MODELS = {"learned": "", "truth": None, "undamped": "symoden-", "naive": "naive-
 
 def combinations(only: str) -> Iterator[tuple[Bar, str, str]]:
     """Every bar with every model that it applies to, in both loops."""
-    for model in MODELS:
-        for bar in BARS:
-            if only in bar.name and (model != "naive" or bar.naive):
-                yield from ((bar, model, loop) for loop in LOOPS)
+    chosen = [bar for bar in BARS if only in bar.name]
+    yield from ((bar, "learned", loop) for bar in chosen for loop in LOOPS)
+    for loop in LOOPS:
+        yield from ((bar, "naive", loop) for bar in chosen if bar.naive)
+        yield from ((bar, model, loop) for model in ("undamped", "truth") for bar in chosen)
 
 
 def model_of(runs: Path, task: str, model: str) -> AbstractDynamics | None:
