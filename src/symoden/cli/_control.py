@@ -134,13 +134,10 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
 
 def _draw(result: ControlResult, names: tuple[tuple[str, ...], tuple[str, ...]], path: Path) -> None:
     """Draw the episodes into a file."""
-    from matplotlib.figure import Figure
-
     from symoden.report import draw_control
 
     buffer = io.BytesIO()
-    figure = draw_control(result, names=names, figure=Figure(figsize=(9, 6.5), layout="constrained"))
-    figure.savefig(buffer, format=path.suffix[1:].lower(), dpi=_DPI)
+    draw_control(result, names=names).savefig(buffer, format=path.suffix[1:].lower(), dpi=_DPI)
     write_atomically(path, buffer.getvalue())
 
 

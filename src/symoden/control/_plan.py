@@ -1,6 +1,6 @@
 """Plan a motion to the target on the model, for what energy pumping does not catch."""
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, final
 
 import equinox as eqx
 import jax
@@ -54,6 +54,7 @@ class Motion(NamedTuple):
     period: float
 
 
+@final
 class _Problem(eqx.Module):
     """What is optimised.
 
@@ -78,7 +79,7 @@ class _Problem(eqx.Module):
         _, v = jnp.split(x, 2)
         return 0.5 * self.period * (_EFFORT * w @ w + _SPEED * v @ v)
 
-    def final(self, x: State) -> Scalar:
+    def end(self, x: State) -> Scalar:
         """Cost of the end: angles any number of turns away are at the target too."""
         e, v = jnp.split(x - self.goal, 2)
         e = jnp.where(np.asarray(self.model.space.is_angle), 2 * jnp.sin(e / 2), e)
@@ -86,7 +87,7 @@ class _Problem(eqx.Module):
 
     def total(self, x: Float[Array, "T s"], w: Float[Array, "N m"]) -> Scalar:
         """Cost of a motion."""
-        return jnp.sum(jax.vmap(self.running)(x[:-1], w)) + self.final(x[-1])
+        return jnp.sum(jax.vmap(self.running)(x[:-1], w)) + self.end(x[-1])
 
 
 def motion_step(model: AbstractPortHamiltonian, x: State, u: Inputs, period: float) -> State:
@@ -158,7 +159,7 @@ def plan_motion(
     guesses = size * np.sin(frequency * ts[:, None] + turn)
     plans = _improved(problem, jnp.concatenate([q0, still]), jnp.asarray(guesses, goal.dtype))
     best = int(jnp.nanargmin(plans.cost))
-    if not float(jnp.sqrt(2 * problem.final(plans.x[best, -1]) / _END)) < _REACHED:
+    if not float(jnp.sqrt(2 * problem.end(plans.x[best, -1]) / _END)) < _REACHED:
         raise ValueError(
             f"No motion of {duration} s from {q0.tolist()} to {goal.tolist()} within the limits was found on the "
             "model. Allow more input or time."
@@ -234,6 +235,6 @@ def _backward(
         Vxx = Qxx + K.T @ (Qww @ K + Qwx) + Qwx.T @ K
         return (Vx, 0.5 * (Vxx + Vxx.T)), (k, K)
 
-    end = jax.grad(problem.final)(x[-1]), _END * jnp.eye(x.shape[1], dtype=x.dtype)
+    end = jax.grad(problem.end)(x[-1]), _END * jnp.eye(x.shape[1], dtype=x.dtype)
     _, gains = jax.lax.scan(step, end, (A, B, lx, lw, lxx, lww), reverse=True)
     return gains

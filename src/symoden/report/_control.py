@@ -15,21 +15,22 @@ from ._style import COLOURS, EDGE, INK, LABEL, tidy
 
 _LINES: Final = 30  # episodes that are drawn
 _POINTS: Final = 1500
+_SIZE: Final = (9.0, 6.5)
 _FLOOR: Final = 1e-8
 
 
-def draw_control(result: ControlResult, *, names: tuple[Sequence[str], Sequence[str]], figure: Figure) -> Figure:
+def draw_control(result: ControlResult, *, names: tuple[Sequence[str], Sequence[str]]) -> Figure:
     """Draw coordinates, inputs and desired energy of up to 30 episodes, the median one dark.
 
     Args:
         result: How the episodes went.
         names: Names of the coordinates and of the inputs.
-        figure: Where; empty, best with `layout="constrained"`.
 
     Returns:
-        The same figure.
+        The figure.
     """
     positions, inputs = names
+    figure = Figure(figsize=_SIZE, layout="constrained")
     space = result.machine.system.space
     units = ["rad" if angle else "m" for angle in space.is_angle]
     panels = [(f"{name} [{unit}]", i) for i, (name, unit) in enumerate(zip(positions, units, strict=True))]
