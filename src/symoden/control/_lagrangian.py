@@ -17,7 +17,7 @@ from ._motion import potential, terms, velocity_field
 from ._pumps import actuated_coordinate
 from ._scales import bandwidth
 
-_NODES: Final = np.polynomial.legendre.leggauss(6)
+_NODES: Final = np.polynomial.legendre.leggauss(4)
 _CURVATURE: Final = 1e-3
 _CYCLIC: Final = 0.02
 _ROUNDS: Final = 12
