@@ -217,7 +217,7 @@ class Control:
         noise: Standard deviation of the noise on every measured coordinate and velocity; a Kalman filter on the model
             then stands before the controller.
         period: Control period [s].
-        delay: Time from a measurement to its input [s].
+        delay: Time from a measurement to its input [s]; the filter then looks ahead.
         duration: Length of an episode [s].
         episodes: Number of episodes.
         seed: Seed of initial states and noise.

@@ -36,6 +36,7 @@ from symoden.systems import MACHINES, Machine, Pendulum
 from ._ranges import Ranges
 
 _CALLS: Final = 2000
+_LEAST_NOISE: Final = 1e-3
 _WARM: Final = 50
 _AROUND: Final = 0.95
 _TASK_MACHINES: Final[Mapping[str, str]] = MappingProxyType(
@@ -214,7 +215,7 @@ def try_control(
     design_s = time.perf_counter() - start
     q0, v0 = initial_states(machine, method, config.episodes, config.seed)
     tell(f"{config.episodes} episodes of {loop.duration:g} s")
-    observer = Observer(model, loop.noise) if loop.noise else None
+    observer = Observer(model, max(loop.noise, _LEAST_NOISE)) if loop.noise or loop.delay else None
     episodes = run_episodes(system, controller, q0, v0, loop, observer=observer, seed=config.seed)
     return ControlResult(
         machine=machine,
