@@ -24,7 +24,7 @@ _KICK: Final = 0.02  # What starts it from rest, as a share of that speed.
 class EnergyPump(AbstractController):
     """Swings up a system of one angle: feeds friction back, and gives or takes energy until it is the target's.
 
-        u = g⁻¹ D v + U tanh((E* − E)/ε · y/y₀)
+        u = g⁻¹ D v + U tanh((E* − E)/ε) tanh(y/y₀)
 
     so that ½ (E − E*)² falls wherever the system moves. At rest in an equilibrium a small push starts it.
 
@@ -95,9 +95,8 @@ class EnergyPump(AbstractController):
         force = gradient(self.model, q)[0] * self.steepness
         still = _KICK * jnp.exp(-((v[0] / (_KICK * self.speed)) ** 2) - force**2)
         direction = jnp.sign(g[0]) * (v[0] / self.speed + still)
-        return saturate(
-            friction + self.limits * jnp.tanh(self.steepness * self._missing(q, v) * direction), self.limits
-        )
+        pumping = jnp.tanh(self.steepness * self._missing(q, v)) * jnp.tanh(direction)
+        return saturate(friction + self.limits * pumping, self.limits)
 
     def _missing(self, q: Coordinates, v: Velocities) -> Scalar:
         """E* − E."""
