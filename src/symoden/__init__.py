@@ -23,10 +23,13 @@ _EXPORTS: Final[dict[str, str]] = {
     "TrainingConfig": "symoden.training",
     "Trajectory": "symoden.data",
     "build": "symoden.models",
+    "design": "symoden.control",
     "fit": "symoden.training",
     "load": "symoden.models",
     "read_dataset": "symoden.data",
+    "rescale": "symoden.models",
     "rollout": "symoden.integrate",
+    "run_episodes": "symoden.control",
     "save": "symoden.models",
     "write_dataset": "symoden.data",
 }

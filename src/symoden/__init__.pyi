@@ -1,3 +1,4 @@
+from symoden.control import design as design, run_episodes as run_episodes
 from symoden.data import (
     Dataset as Dataset,
     Trajectory as Trajectory,
@@ -6,7 +7,7 @@ from symoden.data import (
 )
 from symoden.integrate import rollout as rollout
 from symoden.known import KnownParts as KnownParts
-from symoden.models import ModelConfig as ModelConfig, build as build, load as load, save as save
+from symoden.models import ModelConfig as ModelConfig, build as build, load as load, rescale as rescale, save as save
 from symoden.spaces import Space as Space
 from symoden.systems import Acrobot as Acrobot, CartPole as CartPole, Pendulum as Pendulum
 from symoden.training import TrainingConfig as TrainingConfig, fit as fit

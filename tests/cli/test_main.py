@@ -12,7 +12,7 @@ from symoden.models import KINDS
 from symoden.storage import StorageError
 from symoden.training import TrainingError
 
-COMMANDS = ["simulate", "train", "evaluate", "predict", "inspect", "reproduce", "data"]
+COMMANDS = ["simulate", "train", "evaluate", "predict", "inspect", "control", "reproduce", "data"]
 HEAVY = ["jax", "jaxlib", "numpy", "scipy", "polars", "equinox", "diffrax", "optax", "rich"]
 PROBE = """
 import sys

@@ -203,6 +203,46 @@ class Data:
     general: General = field(default_factory=General)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Control:
+    """Make a controller from a run's model, and try it on the true machine from random states.
+
+    The controller knows the model alone. An episode succeeds if every coordinate stays within 0.05 rad or m of the
+    target, and every velocity within 0.1, for its last 2 s. The machine's input is held for each control period.
+
+    Attributes:
+        run: Folder of the run.
+        env: Machine: symoden/DampedPendulum-v0, symoden/DampedCartPole-v0, symoden/DampedAcrobot-v0,
+            symoden/FullyActuatedCartPole-v0 or symoden/FullyActuatedAcrobot-v0.
+        method: How: energy-shaping, controlled-lagrangian, swing-up, tracking or lqr.
+        max_input: Largest magnitude of every input [N or N m].
+        noise: Standard deviation of the noise on every measured coordinate and velocity; a Kalman filter on the model
+            then stands before the controller.
+        period: Control period [s].
+        delay: Time from a measurement to its input [s]; the filter then looks ahead.
+        duration: Length of an episode [s].
+        episodes: Number of episodes.
+        seed: Seed of initial states and noise.
+        figure: Picture of angles, inputs and desired energy: PNG, PDF or SVG.
+        video: Animation of the episode of median settling time.
+        general: How to report.
+    """
+
+    run: RunFolder
+    env: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(default: the run's task)")] = None
+    method: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: what suits the system)")] = None
+    max_input: Annotated[float | None, arg(metavar="U", help_behavior_hint="(default: the machine's)")] = None
+    noise: Annotated[float, arg(metavar="S")] = 0.0
+    period: Annotated[float, arg(metavar="T")] = 0.005
+    delay: Annotated[float, arg(metavar="T")] = 0.0
+    duration: Annotated[float, arg(metavar="T")] = 15.0
+    episodes: Annotated[int, arg(metavar="N")] = 100
+    seed: int = 0
+    figure: Annotated[Path | None, arg(metavar="FILE.png", help_behavior_hint="(default: none)")] = None
+    video: Annotated[Path | None, arg(metavar="FILE.gif", help_behavior_hint="(default: none)")] = None
+    general: General = field(default_factory=General)
+
+
 COMMANDS: Final[Mapping[str, type]] = MappingProxyType(
     {
         "simulate": Simulate,
@@ -210,8 +250,9 @@ COMMANDS: Final[Mapping[str, type]] = MappingProxyType(
         "evaluate": Evaluate,
         "predict": Predict,
         "inspect": Inspect,
+        "control": Control,
         "reproduce": Reproduce,
         "data": Data,
     }
 )
-Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect | Reproduce | Data
+Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect | Control | Reproduce | Data

@@ -3,6 +3,7 @@
 import importlib.util
 from typing import TYPE_CHECKING, NoReturn
 
+from ._film import film as film
 from ._page import write_page as write_page
 from ._table import (
     flat_row as flat_row,
@@ -16,6 +17,7 @@ from ._table import (
 if TYPE_CHECKING or importlib.util.find_spec("matplotlib") is not None:
     from ._blocks import plot_block as plot_block
     from ._comparison import draw_comparison as draw_comparison, plot_comparison as plot_comparison
+    from ._control import draw_control as draw_control
     from ._data import draw_check as draw_check
     from ._errors import plot_errors as plot_errors
     from ._extrapolation import (
@@ -35,6 +37,7 @@ __all__ = [
     "Summary",
     "draw_check",
     "draw_comparison",
+    "draw_control",
     "draw_energies",
     "draw_extrapolation",
     "draw_phase",
@@ -42,6 +45,7 @@ __all__ = [
     "draw_results",
     "draw_summary",
     "draw_sweeps",
+    "film",
     "flat_row",
     "plot_block",
     "plot_circle",

@@ -1,0 +1,148 @@
+"""`symoden control`."""
+
+import io
+import math
+import sys
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from symoden.control import METHODS, Loop, Method
+from symoden.experiments import (
+    ControlConfig,
+    ControlResult,
+    machine_of,
+    outside_data,
+    read_model,
+    read_run,
+    try_control,
+)
+from symoden.storage import write_atomically
+
+from ._arguments import Control
+from ._output import number, print_json, print_table
+
+_FORMATS = (".png", ".pdf", ".svg")
+_DPI = 150
+
+
+def run(command: Control) -> None:
+    """Make the controller, try it, and say how it went.
+
+    Args:
+        command: What to do.
+
+    Raises:
+        ValueError: If a setting is out of range or does not suit the run.
+    """
+    _check_files(command)
+    if command.method is not None and command.method not in METHODS:
+        raise ValueError(f"`--method` must be one of {', '.join(METHODS)}; got {command.method!r}.")
+    settings = ControlConfig(
+        method=cast("Method | None", command.method),
+        max_input=command.max_input,
+        loop=Loop(duration=command.duration, period=command.period, noise=command.noise, delay=command.delay),
+        episodes=command.episodes,
+        seed=command.seed,
+    )
+    config = read_run(command.run)
+    machine = machine_of(config.source, command.env)
+    result = try_control(read_model(command.run), machine, settings, tell=_tell)
+    outside = outside_data(result, config.data.ranges)
+    names = config.data.position_names, config.data.input_names
+    if command.figure is not None:
+        _draw(result, names, command.figure)
+    if command.video is not None:
+        _film(result, command.video)
+    if command.general.json:
+        print_json(_as_json(result, settings, outside, command))
+    else:
+        _print(result, settings, outside)
+        for what, path in (("figure", command.figure), ("animation", command.video)):
+            if path is not None:
+                print(f"{what}: {path}")
+
+
+def _check_files(command: Control) -> None:
+    """Refuse files of unknown formats before anything takes time."""
+    if command.figure is not None and command.figure.suffix.lower() not in _FORMATS:
+        raise ValueError(f"`--figure` must end in one of {', '.join(_FORMATS)}; got `{command.figure}`.")
+    if command.video is not None and command.video.suffix.lower() != ".gif":
+        raise ValueError(f"`--video` must end in .gif; got `{command.video}`.")
+
+
+def _tell(text: str) -> None:
+    """Say on standard error what is being done."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def _print(result: ControlResult, settings: ControlConfig, outside: float) -> None:
+    """How it went, in words."""
+    verdict, audit, loop = result.verdict, result.audit, settings.loop
+    limits = ", ".join(number(limit) for limit in result.limits)
+    print(f"{result.method} on {result.machine.name}, inputs up to {limits}, every {1e3 * loop.period:g} ms")
+    rows = [
+        ["successes", f"{int(verdict.success.sum())} of {len(verdict.success)}"],
+        ["median settling time [s]", result.settling],
+        ["largest position error at the end, median", float(np.median(verdict.position_error))],
+        ["largest speed at the end, median", float(np.median(verdict.velocity_error))],
+        ["largest input", float(np.nanmax(np.abs(np.asarray(result.episodes.u))))],
+        ["one call of the controller [ms]", result.controller_ms],
+        ["making the controller [s]", result.design_s],
+        ["desired energy falls at, of visited states", f"{audit.share:.1%}"],
+        ["visited states outside the data", f"{outside:.1%}"],
+    ]
+    print_table("closed loop", ("quantity", "value"), rows)
+    if audit.share < 1:
+        q, v = (", ".join(number(x) for x in part) for part in (audit.worst_q, audit.worst_v))
+        print(f"the desired energy rises fastest at q = ({q}), v = ({v})")
+
+
+def _as_json(result: ControlResult, settings: ControlConfig, outside: float, command: Control) -> dict[str, object]:
+    """The object of the command line's contract."""
+    verdict, audit, loop = result.verdict, result.audit, settings.loop
+    return {
+        "env": result.machine.name,
+        "method": result.method,
+        "episodes": len(verdict.success),
+        "successes": int(verdict.success.sum()),
+        "median_settling_s": None if math.isnan(result.settling) else result.settling,
+        "controller_ms": result.controller_ms,
+        "design_s": result.design_s,
+        "max_input": list(result.limits),
+        "largest_input": float(np.nanmax(np.abs(np.asarray(result.episodes.u)))),
+        "noise": loop.noise,
+        "period_s": loop.period,
+        "delay_s": loop.delay,
+        "duration_s": loop.duration,
+        "seed": settings.seed,
+        "position_error": float(np.median(verdict.position_error)),
+        "velocity_error": float(np.median(verdict.velocity_error)),
+        "outside_data": outside,
+        "lyapunov": {
+            "share": audit.share,
+            "worst": audit.worst,
+            "worst_q": audit.worst_q,
+            "worst_v": audit.worst_v,
+            "saturated": audit.saturated,
+        },
+        "figure": None if command.figure is None else str(command.figure),
+        "video": None if command.video is None else str(command.video),
+    }
+
+
+def _draw(result: ControlResult, names: tuple[tuple[str, ...], tuple[str, ...]], path: Path) -> None:
+    """Draw the episodes into a file."""
+    from symoden.report import draw_control
+
+    buffer = io.BytesIO()
+    draw_control(result, names=names).savefig(buffer, format=path.suffix[1:].lower(), dpi=_DPI)
+    write_atomically(path, buffer.getvalue())
+
+
+def _film(result: ControlResult, path: Path) -> None:
+    """Write the animation."""
+    from symoden.report import film
+
+    write_atomically(path, film(result))

@@ -1,0 +1,67 @@
+"""Controllers from the energy of a system, analytic or learned, and the closed loop that tries them."""
+
+from ._attraction import attraction as attraction
+from ._audit import (
+    LyapunovAudit as LyapunovAudit,
+    audit_energy as audit_energy,
+    desired_energies as desired_energies,
+    energy_rate as energy_rate,
+)
+from ._compiled import Compiled as Compiled
+from ._controller import AbstractController as AbstractController
+from ._design import (
+    METHODS as METHODS,
+    Method as Method,
+    Tell as Tell,
+    choose_method as choose_method,
+    design as design,
+    silent as silent,
+)
+from ._follower import Follower as Follower
+from ._handover import Handover as Handover
+from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
+from ._lagrangian import ControlledLagrangian as ControlledLagrangian
+from ._loop import Episode as Episode, Loop as Loop, close_loop as close_loop, run_episodes as run_episodes
+from ._observer import Estimate as Estimate, Observer as Observer
+from ._plan import Motion as Motion, plan_motion as plan_motion
+from ._pumps import CollocatedPump as CollocatedPump, EnergyPump as EnergyPump
+from ._regulator import Regulator as Regulator, linearize as linearize
+from ._shaping import EnergyShaping as EnergyShaping
+from ._tracking import Reference as Reference, Tracking as Tracking
+
+__all__ = [
+    "METHODS",
+    "AbstractController",
+    "CollocatedPump",
+    "Compiled",
+    "ControlledLagrangian",
+    "EnergyPump",
+    "EnergyShaping",
+    "Episode",
+    "Estimate",
+    "Follower",
+    "Handover",
+    "Loop",
+    "LyapunovAudit",
+    "Method",
+    "Motion",
+    "Observer",
+    "Reference",
+    "Regulator",
+    "Tell",
+    "Tolerance",
+    "Tracking",
+    "Verdict",
+    "attraction",
+    "audit_energy",
+    "choose_method",
+    "close_loop",
+    "design",
+    "desired_energies",
+    "energy_rate",
+    "judge",
+    "linearize",
+    "plan_motion",
+    "run_episodes",
+    "silent",
+]

@@ -1,0 +1,206 @@
+"""Make a controller from a model by name: what a user picks up."""
+
+from collections.abc import Callable
+from typing import Final, Literal, TypeAlias, get_args
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
+from symoden.shapes import Coordinates, Scalar
+
+from ._attraction import attraction, follower_level
+from ._controller import AbstractController, Limits, Target, as_array, input_limits
+from ._follower import Follower
+from ._handover import Handover
+from ._lagrangian import ControlledLagrangian
+from ._motion import potential
+from ._plan import plan_motion
+from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate
+from ._regulator import Regulator
+from ._scales import bandwidth, configurations, static_load
+from ._search import searched
+from ._shaping import EnergyShaping
+from ._tracking import Reference, Tracking
+
+Method: TypeAlias = Literal["energy-shaping", "controlled-lagrangian", "swing-up", "tracking", "lqr"]
+METHODS: Final[tuple[Method, ...]] = get_args(Method)
+Tell: TypeAlias = Callable[[str], None]
+
+_STARTS: Final = 16
+_PERIOD: Final = 0.01
+_CYCLIC: Final = 0.02
+_NEWTON: Final = 5
+
+
+def silent(text: str) -> None:
+    """Tell nobody.
+
+    Args:
+        text: What would be told.
+    """
+    del text
+
+
+def design(
+    model: AbstractDynamics,
+    target: Target,
+    *,
+    method: Method | None = None,
+    limits: Limits = None,
+    period: float | None = None,
+    reference: Reference | None = None,
+    tell: Tell = silent,
+) -> AbstractController:
+    """Make a controller that brings a system to rest at a configuration.
+
+    Args:
+        model: System or learned model; a model without energy allows "lqr" only.
+        target: Configuration to go to.
+        method: How; `choose_method` decides if absent.
+        limits: Largest magnitude of the inputs, one number or one for each; None for none.
+        period: Control period [s] that regulators are optimal for; None for continuous control.
+        reference: q_d(t) for "tracking"; a slow swing about the target if absent.
+        tell: Called with what is being done, where that takes long.
+
+    Returns:
+        The controller.
+
+    Raises:
+        ValueError: If the method does not suit the model, or needs limits that are not given.
+
+    Example:
+        >>> from symoden.systems import Pendulum
+        >>> controller = design(Pendulum(), [jnp.pi], limits=15.0)
+        >>> type(controller).__name__
+        'EnergyShaping'
+    """
+    chosen = choose_method(model, target, limits=limits) if method is None else method
+    if chosen == "lqr":
+        return Regulator.of(model, target, limits=limits, period=period)
+    if not isinstance(model, AbstractPortHamiltonian):
+        raise ValueError(f"The method {chosen!r} needs a model with an energy; got {type(model).__name__}. Use 'lqr'.")
+    match chosen:
+        case "energy-shaping":
+            return EnergyShaping.of(model, target, limits=limits)
+        case "tracking":
+            return Tracking.of(model, reference or slow_swing(model, as_array(target)), limits=limits)
+        case "controlled-lagrangian":
+            tell("searching gains on the linearised closed loop")
+            return ControlledLagrangian.of(model, target, limits=limits)
+        case "swing-up":
+            return _swing_up(model, as_array(target), limits=limits, period=period, tell=tell)
+
+
+def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = None) -> Method:
+    """Method that suits a system: energy shaping where the inputs can carry it everywhere, otherwise swing-up.
+
+    Args:
+        model: System or model.
+        target: Configuration to go to.
+        limits: Largest magnitude of the inputs.
+
+    Returns:
+        The method; "lqr" for a model without energy.
+    """
+    if not isinstance(model, AbstractPortHamiltonian):
+        return "lqr"
+    if model.inputs < model.space.size:
+        return "swing-up"
+    strong = np.all(input_limits(limits, model.inputs) > static_load(model, as_array(target)))
+    return "energy-shaping" if strong else "swing-up"
+
+
+def slow_swing(model: AbstractPortHamiltonian, target: Coordinates) -> Reference:
+    """Reference that swings about a configuration by half a radian or metre, ten times slower than the system.
+
+    Args:
+        model: System or model.
+        target: Middle of the motion.
+
+    Returns:
+        q_d(t).
+    """
+    omega = 0.1 * bandwidth(model, target)
+    lag = jnp.arange(model.space.size, dtype=target.dtype)
+
+    def reference(t: Scalar) -> Coordinates:
+        return target + 0.5 * jnp.sin(2 * jnp.pi * omega * t + lag)
+
+    return reference
+
+
+def _swing_up(
+    model: AbstractPortHamiltonian, target: Coordinates, *, limits: Limits, period: float | None, tell: Tell
+) -> Handover:
+    """Energy where it suffices, a planned motion otherwise; then a regulator."""
+    if not np.isfinite(input_limits(limits, model.inputs)).all():
+        raise ValueError("Swing-up needs limits of the inputs: what would be planned without them has no bound.")
+    simulated = _PERIOD if period is None else max(period, _PERIOD)
+    near = Regulator.of(model, target, limits=limits, period=period)
+    tell("simulating the model under its regulator")
+    level = attraction(model, near, period=simulated)
+    if level == 0:
+        raise ValueError("The regulator does not hold the model at the target within the limits. Allow more input.")
+
+    def hand_over(far: AbstractController) -> Handover:
+        return Handover(far=far, near=near, level=as_array(level), limits=near.limits)
+
+    if model.space.size == 1:
+        return hand_over(EnergyPump.of(model, target, limits=limits))
+    if _rides(model, target):
+        tell("searching swing-up gains on the model")
+        return searched(model, hand_over(CollocatedPump.of(model, target, limits=limits)), *_anywhere(model, target))
+    tell("planning a motion on the model")
+    motion = plan_motion(model, lowest(model, target), target, limits=limits)
+    follower = Follower.of(model, motion, near)
+    tell("simulating the model along the planned motion")
+    whole = hand_over(follower)
+    return eqx.tree_at(lambda c: c.far.level, whole, as_array(follower_level(model, whole, period=simulated)))
+
+
+def _rides(model: AbstractPortHamiltonian, target: Coordinates) -> bool:
+    """Whether two coordinates have one input, on the one that the potential energy does not depend on."""
+    if model.space.size != 2 or model.inputs != 1:
+        return False
+    slopes = jax.vmap(jax.grad(potential, argnums=1), (None, 0))(model, configurations(model, target))
+    largest = np.abs(np.asarray(slopes)).max(axis=0)
+    return bool(largest[actuated_coordinate(model, target)] < _CYCLIC * largest.max())
+
+
+def _anywhere(
+    model: AbstractPortHamiltonian, target: Coordinates
+) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n"]]:
+    """States to try a swing-up from: angles anywhere, lengths within half a metre, half the natural speed."""
+    generator = np.random.default_rng(1)
+    n = model.space.size
+    size = np.where(model.space.is_angle, np.pi, 0.5)
+    q = np.asarray(target) + generator.uniform(-1, 1, (_STARTS, n)) * size
+    speed = np.where(model.space.is_angle, 0.5 * bandwidth(model, target), 0.0)
+    return q, generator.uniform(-1, 1, (_STARTS, n)) * speed
+
+
+def lowest(model: AbstractPortHamiltonian, target: Coordinates) -> Coordinates:
+    """Configuration of the lowest potential energy, lengths being where the target has them.
+
+    Args:
+        model: System or model.
+        target: Where lengths are.
+
+    Returns:
+        The configuration.
+    """
+    q = configurations(model, target)
+    start = q[jnp.argmin(jax.vmap(lambda q: potential(model, q))(q))]
+    angles = np.asarray(model.space.angles)
+
+    def height(free: Float[Array, " a"]) -> Scalar:
+        return potential(model, start.at[angles].set(free))
+
+    free = start[angles]
+    for _ in range(_NEWTON):
+        free = free - jnp.linalg.solve(jax.hessian(height)(free), jax.grad(height)(free))
+    return start.at[angles].set(free)

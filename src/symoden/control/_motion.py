@@ -1,0 +1,147 @@
+"""Equations of motion in velocities, as controllers need them: M v̇ + c(q, v) + ∇V + D v = g u."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
+from symoden.shapes import Coordinates, InputMatrix, Inputs, Scalar, SquareMatrix, Velocities
+
+
+class Terms(NamedTuple):
+    """What the equations of motion are made of at one state.
+
+    Attributes:
+        M: Mass matrix.
+        coriolis: Ṁ v − ½ ∇(vᵀ M v).
+        gradient: ∇V, of V(q) = H(q, 0).
+        friction: D v.
+        g: Input matrix.
+    """
+
+    M: SquareMatrix
+    coriolis: Velocities
+    gradient: Velocities
+    friction: Velocities
+    g: InputMatrix
+
+    @property
+    def bias(self) -> Velocities:
+        """Forces without input, to the left of the equality sign."""
+        return self.coriolis + self.gradient + self.friction
+
+
+def potential(model: AbstractPortHamiltonian, q: Coordinates) -> Scalar:
+    """Potential energy V(q) = H(q, 0), for models without a block of its own too.
+
+    Args:
+        model: System or model.
+        q: Coordinates.
+
+    Returns:
+        The energy at rest.
+    """
+    return model.hamiltonian(q, jnp.zeros_like(q))
+
+
+def gradient(model: AbstractPortHamiltonian, q: Coordinates) -> Velocities:
+    """Force of the potential energy with its sign turned, ∇V.
+
+    Args:
+        model: System or model.
+        q: Coordinates.
+
+    Returns:
+        The gradient.
+    """
+    return jax.grad(potential, argnums=1)(model, q)
+
+
+def friction_matrix(model: AbstractPortHamiltonian, q: Coordinates, v: Velocities) -> SquareMatrix:
+    """Friction on the momenta, n × n; of a full 2n × 2n D, that block.
+
+    Args:
+        model: System or model.
+        q: Coordinates.
+        v: Velocities.
+
+    Returns:
+        The matrix.
+    """
+    n = model.space.size
+    return model.dissipation_matrix(q, v)[-n:, -n:]
+
+
+def terms(model: AbstractPortHamiltonian, q: Coordinates, v: Velocities) -> Terms:
+    """Terms of the equations of motion.
+
+    Args:
+        model: System or model.
+        q: Coordinates.
+        v: Velocities.
+
+    Returns:
+        The terms.
+    """
+    M, M_dot = jax.jvp(model.mass_matrix, (q,), (v,))
+    twice_kinetic = jax.grad(lambda q: v @ model.mass_matrix(q) @ v)(q)
+    return Terms(
+        M=M,
+        coriolis=M_dot @ v - 0.5 * twice_kinetic,
+        gradient=gradient(model, q),
+        friction=friction_matrix(model, q, v) @ v,
+        g=model.input_matrix(q),
+    )
+
+
+def velocity_field(
+    dynamics: AbstractDynamics, q: Coordinates, v: Velocities, u: Inputs
+) -> tuple[Velocities, Velocities]:
+    """Rates of configuration and velocities of any dynamics, one without energy included.
+
+    Args:
+        dynamics: System or model.
+        q: Coordinates.
+        v: Velocities.
+        u: Inputs.
+
+    Returns:
+        q̇ and v̇.
+    """
+    state = dynamics.encode(q, rates_of(dynamics, q, v))
+    slope = dynamics.derivative(jnp.zeros((), q.dtype), state, u)
+    _, (q_dot, v_dot) = jax.jvp(lambda state: velocities_of(dynamics, state), (state,), (slope,))
+    return q_dot, v_dot
+
+
+def rates_of(dynamics: AbstractDynamics, q: Coordinates, v: Velocities) -> Velocities:
+    """Rates as the dynamics' data have them: velocities, or momenta M(q) v.
+
+    Args:
+        dynamics: System or model.
+        q: Coordinates.
+        v: Velocities.
+
+    Returns:
+        The rates.
+    """
+    if dynamics.momenta and isinstance(dynamics, AbstractPortHamiltonian):
+        return dynamics.mass_matrix(q) @ v
+    return v
+
+
+def velocities_of(dynamics: AbstractDynamics, state: jax.Array) -> tuple[Coordinates, Velocities]:
+    """Configuration and velocities of a state, of momentum data too.
+
+    Args:
+        dynamics: System or model.
+        state: Its state.
+
+    Returns:
+        q and v.
+    """
+    q, rates = dynamics.decode(state)
+    if dynamics.momenta and isinstance(dynamics, AbstractPortHamiltonian):
+        return q, dynamics.inverse_mass_matrix(q) @ rates
+    return q, rates

@@ -1,0 +1,144 @@
+"""Estimate the state from noisy measurements: the learned model predicts, the measurement corrects."""
+
+import math
+from typing import Final, NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from symoden.integrate import RK4
+from symoden.mechanics import AbstractDynamics
+from symoden.shapes import Coordinates, Inputs, State, Velocities
+
+from ._motion import rates_of, velocities_of
+
+_STEP: Final = 0.01
+_ROUNDING: Final = 1e-9
+
+
+class Estimate(NamedTuple):
+    """What is believed of the state.
+
+    Attributes:
+        q: Coordinates.
+        v: Velocities.
+        covariance: Covariance of (q, v).
+    """
+
+    q: Coordinates
+    v: Velocities
+    covariance: Float[Array, "s s"]
+
+
+@final
+class Observer(eqx.Module):
+    """Extended Kalman filter on measurements of all coordinates and velocities.
+
+    It is also what looks ahead where inputs act with a delay.
+
+    Attributes:
+        model: What predicts.
+        noise: Standard deviation of the noise on every channel.
+        drift: Growth of the prediction's standard deviation on every channel, in its unit per √s: how far the model
+            is trusted. The default suits a model of simulated data, whose errors are small.
+
+    References:
+        Anderson & Moore (1979), *Optimal Filtering*, section 8.2.
+    """
+
+    model: AbstractDynamics
+    noise: float = eqx.field(static=True)
+    drift: float = eqx.field(static=True, default=2e-3)
+
+    def __check_init__(self) -> None:
+        """Refuse a filter that cannot weigh.
+
+        Raises:
+            ValueError: If the noise or the drift is not positive.
+        """
+        if not (self.noise > 0 and self.drift > 0):
+            raise ValueError(f"`noise` and `drift` must be positive; got {self.noise} and {self.drift}.")
+
+    def start(self, q: Coordinates, v: Velocities) -> Estimate:
+        """Believe a first measurement.
+
+        Args:
+            q: Measured coordinates.
+            v: Measured velocities.
+
+        Returns:
+            The estimate.
+        """
+        return Estimate(q, v, self.noise**2 * jnp.eye(2 * q.size, dtype=q.dtype))
+
+    def correct(self, guess: Estimate, q: Coordinates, v: Velocities) -> Estimate:
+        """Move a prediction towards a measurement, angles the short way round.
+
+        Args:
+            guess: The prediction.
+            q: Measured coordinates.
+            v: Measured velocities.
+
+        Returns:
+            The estimate.
+        """
+        P = guess.covariance
+        one = jnp.eye(len(P), dtype=P.dtype)
+        gain = jnp.linalg.solve(P + self.noise**2 * one, P).T
+        surprise = jnp.concatenate([self.model.space.difference(q, guess.q), v - guess.v])
+        by_q, by_v = jnp.split(gain @ surprise, 2)
+        after = (one - gain) @ P
+        return Estimate(guess.q + by_q, guess.v + by_v, 0.5 * (after + after.T))
+
+    def predict(self, guess: Estimate, u: Inputs, seconds: float) -> Estimate:
+        """Move an estimate with the model under a held input.
+
+        Args:
+            guess: The estimate.
+            u: Input.
+            seconds: How far ahead [s].
+
+        Returns:
+            The prediction.
+        """
+        if seconds == 0:
+            return guess
+
+        def move(x: State) -> tuple[State, State]:
+            q, v = jnp.split(x, 2)
+            after = jnp.concatenate(self._move(q, v, u, seconds))
+            return after, after
+
+        A, after = jax.jacfwd(move, has_aux=True)(jnp.concatenate(guess[:2]))
+        grown = A @ guess.covariance @ A.T + self.drift**2 * seconds * jnp.eye(len(A), dtype=A.dtype)
+        q, v = jnp.split(after, 2)
+        return Estimate(q, v, grown)
+
+    def look_ahead(
+        self, guess: Estimate, us: Float[Array, "w m"], *, first: float, period: float
+    ) -> tuple[Coordinates, Velocities]:
+        """Move an estimate through inputs that were given but act later.
+
+        Args:
+            guess: The estimate.
+            us: Inputs on their way, the one that acts now first.
+            first: For how long the first one still acts [s]; a whole period if zero.
+            period: For how long each other one acts [s].
+
+        Returns:
+            The state at which the next input will begin to act.
+        """
+        if len(us) == 0:
+            return guess.q, guess.v
+        x = self._move(guess.q, guess.v, us[0], first or period)
+        return jax.lax.scan(lambda x, u: (self._move(*x, u, period), None), x, us[1:])[0]
+
+    def _move(self, q: Coordinates, v: Velocities, u: Inputs, seconds: float) -> tuple[Coordinates, Velocities]:
+        """State of the model after a while."""
+        solver = RK4(math.ceil(seconds / _STEP - _ROUNDING), unroll=True)
+        still = jnp.zeros((), q.dtype)
+        start = self.model.encode(q, rates_of(self.model, q, v))
+        after = solver.step(self.model.derivative, start, still, jnp.asarray(seconds, q.dtype), u, u)
+        return velocities_of(self.model, after)

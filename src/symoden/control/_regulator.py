@@ -1,0 +1,176 @@
+"""Linear-quadratic regulator about an equilibrium, and where it may be trusted."""
+
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+from jaxtyping import Array, Float
+
+from symoden.mechanics import AbstractDynamics
+from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
+from symoden.spaces import Space
+
+from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
+from ._motion import velocity_field
+
+_REST = 1e-6
+
+
+@final
+class Regulator(AbstractController):
+    """Holds a system at an equilibrium by linear feedback, u = u* − K (e, v), angles the short way round.
+
+    Attributes:
+        configurations: Configuration space.
+        target: Configuration to hold.
+        hold: Input u* that holds it.
+        gain: K.
+        cost: P; (e, v)ᵀ P (e, v) is the cost to go of the linearised system without limits.
+        state_weight: Q.
+        input_weight: R.
+        limits: Largest magnitude of each input.
+
+    References:
+        Anderson & Moore (1990), *Optimal Control: Linear Quadratic Methods*.
+
+    Example:
+        >>> from symoden.systems import CartPole
+        >>> controller = Regulator.of(CartPole(), jnp.zeros(2), limits=15.0)
+        >>> controller.gain.shape
+        (1, 4)
+    """
+
+    configurations: Space
+    target: Coordinates
+    hold: Inputs
+    gain: Float[Array, "m s"]
+    cost: Float[Array, "s s"]
+    state_weight: Float[Array, "s s"]
+    input_weight: Float[Array, "m m"]
+    limits: Inputs
+
+    @classmethod
+    def of(
+        cls, dynamics: AbstractDynamics, target: Target, *, limits: Limits = None, period: float | None = None
+    ) -> "Regulator":
+        """Linearise, and solve the Riccati equation.
+
+        A deviation of 1 rad or 1 m weighs as much as its speed ω, the linearised system's fastest rate, and as much as
+        an input at its limit; without limits, as an input that accelerates the system by ω² there.
+
+        Args:
+            dynamics: System or learned model, one without energy included.
+            target: Configuration to hold.
+            limits: Largest magnitude of the inputs; None for none.
+            period: Control period [s] for which the gain is optimal; None for continuous control.
+
+        Returns:
+            The controller.
+
+        Raises:
+            ValueError: If the linearised system cannot be stabilised.
+        """
+        goal = as_array(target)
+        bounds = input_limits(limits, dynamics.inputs)
+        A, B, hold = linearize(dynamics, goal)
+        n = dynamics.space.size
+        omega = max(1.0, float(np.sqrt(np.abs(np.linalg.eigvals(A[n:, :n])).max())))
+        units = np.where(np.isfinite(bounds), bounds, omega**2 / np.linalg.norm(B[n:], axis=0))
+        Q = np.diag(np.repeat([1.0, omega**-2], n))
+        R = np.diag(units**-2)
+        try:
+            gain, P = _riccati(A, B, Q, R, period)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise ValueError(f"The system cannot be stabilised at {goal.tolist()}: {error}.") from None
+        return cls(
+            configurations=dynamics.space,
+            target=goal,
+            hold=as_array(hold),
+            gain=as_array(gain),
+            cost=as_array(P),
+            state_weight=as_array(Q),
+            input_weight=as_array(R),
+            limits=as_array(bounds),
+        )
+
+    @property
+    def space(self) -> Space:
+        """Configuration space."""
+        return self.configurations
+
+    def deviation(self, q: Coordinates, v: Velocities) -> Float[Array, " s"]:
+        """Way from the target, then the velocities.
+
+        Args:
+            q: Coordinates.
+            v: Velocities.
+
+        Returns:
+            (e, v).
+        """
+        return jnp.concatenate([self.space.difference(q, self.target), v])
+
+    def desired_energy(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Scalar:
+        """Cost to go (e, v)ᵀ P (e, v), not in joules."""
+        del t
+        x = self.deviation(q, v)
+        return x @ self.cost @ x
+
+    def __call__(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Inputs:
+        """Input."""
+        del t
+        return saturate(self.hold - self.gain @ self.deviation(q, v), self.limits)
+
+
+def linearize(
+    dynamics: AbstractDynamics, target: Coordinates
+) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s m"], Float[np.ndarray, " m"]]:
+    """Linearise about rest at a configuration, in (q, v).
+
+    Args:
+        dynamics: System or model.
+        target: Configuration; with `u*` it is an equilibrium as nearly as the inputs allow.
+
+    Returns:
+        A, B and u*: d(e, v)/dt = A (e, v) + B (u − u*).
+    """
+    A, B, hold = _linearize(dynamics, target)
+    return np.asarray(A, float), np.asarray(B, float), np.asarray(hold, float)
+
+
+@eqx.filter_jit
+def _linearize(dynamics: AbstractDynamics, target: Coordinates) -> tuple:
+    """Jacobians in one compiled program."""
+    still = jnp.zeros_like(target)
+    none = jnp.zeros(dynamics.inputs, target.dtype)
+
+    def field(q: Coordinates, v: Velocities, u: Inputs) -> Float[Array, " s"]:
+        return jnp.concatenate(velocity_field(dynamics, q, v, u))
+
+    n = dynamics.space.size
+    drift = field(target, still, none)
+    input_effect = jax.jacfwd(field, argnums=2)(target, still, none)
+    hold = -jnp.linalg.lstsq(input_effect[n:], drift[n:])[0]
+    by_q, by_v, by_u = jax.jacfwd(field, argnums=(0, 1, 2))(target, still, hold)
+    return jnp.concatenate([by_q, by_v], axis=1), by_u, hold
+
+
+def _riccati(
+    A: Float[np.ndarray, "s s"],
+    B: Float[np.ndarray, "s m"],
+    Q: Float[np.ndarray, "s s"],
+    R: Float[np.ndarray, "m m"],
+    period: float | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gain and cost to go, continuous or sampled with zero-order hold."""
+    if period is None:
+        P = scipy.linalg.solve_continuous_are(A, B, Q, R)
+        return np.linalg.solve(R, B.T @ P), P
+    s, m = B.shape
+    both = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, s + m))]]) * period)
+    A, B, Q, R = both[:s, :s], both[:s, s:], Q * period, R * period
+    P = scipy.linalg.solve_discrete_are(A, B, Q, R)
+    return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), P

@@ -1,0 +1,165 @@
+"""Energy shaping and damping injection for fully actuated systems."""
+
+import math
+from typing import final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from symoden.mechanics import AbstractPortHamiltonian
+from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
+from symoden.spaces import Space
+
+from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
+from ._motion import gradient
+from ._scales import bandwidth, static_load
+
+_SHARE = 0.5  # of what the limits leave beside the static load; the rest is for damping.
+
+
+@final
+class EnergyShaping(AbstractController):
+    """Replaces the potential energy by one with its minimum at the target, and adds damping.
+
+    With y = gᵀ v the passive output and e the way from the target to q, angles the short way round,
+
+        u = g⁻¹ (∇V(q) − ∇V_d(q)) − s √w K y,   V_d = s_e / (1 + √(1 + s_e/δ²)),   s_e = eᵀ K_p e,
+
+    so that H_d = ½ vᵀ M v + V_d falls: Ḣ_d = −vᵀ D v − s √w yᵀ K y. V_d is ½ eᵀ K_p e near the target and grows
+    linearly far from it: δ is such that g⁻¹ ∇V_d needs half of what the limits leave beside the static load; where the
+    force of V_d is w times the linear one, √w keeps the damping ratio. The factor s(q, v) ∈ [0, 1] is the largest with
+    which damping stays within the limits, so that Ḣ_d ≤ 0 holds under limits too.
+
+    Attributes:
+        model: System or learned model.
+        target: Configuration to go to.
+        stiffness: K_p, diagonal so that V_d is continuous where an angle's short way changes sides.
+        damping: K, symmetric positive definite.
+        curving: 1/δ²; zero without limits.
+        limits: Largest magnitude of each input.
+
+    References:
+        Takegaki & Arimoto (1981), *A new feedback method for dynamic control of manipulators*.
+        van der Schaft & Jeltsema (2014), *Port-Hamiltonian Systems Theory*, section 15.1.
+
+    Example:
+        >>> from symoden.systems import Pendulum
+        >>> controller = EnergyShaping.of(Pendulum(), jnp.array([jnp.pi]), limits=15.0)
+        >>> abs(float(controller(jnp.array([jnp.pi]), jnp.zeros(1))[0])) < 1e-9
+        True
+    """
+
+    model: AbstractPortHamiltonian
+    target: Coordinates
+    stiffness: Coordinates
+    damping: SquareMatrix
+    curving: Scalar
+    limits: Inputs
+
+    @classmethod
+    def of(
+        cls,
+        model: AbstractPortHamiltonian,
+        target: Target,
+        *,
+        frequency: float | None = None,
+        damping_ratio: float = 1.0,
+        limits: Limits = None,
+    ) -> "EnergyShaping":
+        """Choose gains from the inertia: K_p = ω² diag M, damping 2 ζ ω M at the target.
+
+        Args:
+            model: System or learned model with as many inputs as coordinates.
+            target: Configuration to go to.
+            frequency: ω [rad/s]; the fastest of the potential energy at the target if absent.
+            damping_ratio: ζ.
+            limits: Largest magnitude of the inputs; None for none.
+
+        Returns:
+            The controller.
+
+        Raises:
+            ValueError: If the model is not fully actuated, or the limits cannot hold its weight everywhere.
+        """
+        n = model.space.size
+        if model.inputs != n:
+            raise ValueError(
+                f"Energy shaping needs an input for each of the {n} coordinates; the model has {model.inputs}. "
+                "Use swing-up, or controlled Lagrangian or IDA-PBC."
+            )
+        goal = as_array(target)
+        omega = bandwidth(model, goal) if frequency is None else frequency
+        bounds = input_limits(limits, n)
+        room = bounds - static_load(model, goal)
+        if not np.all(room > 0):
+            raise ValueError(
+                f"The limits {bounds.tolist()} must exceed the static load {(bounds - room).round(3).tolist()} for the "
+                "potential energy to be shaped. Allow more, or use swing-up."
+            )
+        M, inverse = np.asarray(model.mass_matrix(goal)), np.linalg.inv(np.asarray(model.input_matrix(goal)))
+        stiffness = omega**2 * np.diag(M)
+        steepness = np.sqrt(np.diag(inverse * stiffness @ inverse.T))
+        delta = np.min(_SHARE * room / steepness)
+        return cls(
+            model=model,
+            target=goal,
+            stiffness=as_array(stiffness),
+            damping=as_array(inverse @ (2 * damping_ratio * omega * M) @ inverse.T),
+            curving=as_array(0.0 if math.isinf(delta) else delta**-2),
+            limits=as_array(bounds),
+        )
+
+    def desired_potential(self, q: Coordinates) -> Scalar:
+        """Desired potential energy V_d, zero at the target.
+
+        Args:
+            q: Coordinates.
+
+        Returns:
+            The energy, in the model's unit.
+        """
+        e = self.model.space.difference(q, self.target)
+        square = e @ (self.stiffness * e)
+        return square / (1 + jnp.sqrt(1 + self.curving * square))
+
+    @property
+    def space(self) -> Space:
+        """Configuration space."""
+        return self.model.space
+
+    def desired_energy(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Scalar:
+        """H_d = ½ vᵀ M v + V_d."""
+        del t
+        return 0.5 * v @ self.model.mass_matrix(q) @ v + self.desired_potential(q)
+
+    def __call__(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Inputs:
+        """Input."""
+        del t
+        g = self.model.input_matrix(q)
+        forces = gradient(self.model, q) - jax.grad(self.desired_potential)(q)
+        shaping = saturate(jnp.linalg.solve(g, forces), self.limits)
+        braking = -(self._softness(q) ** 0.5) * self.damping @ (g.T @ v)
+        return saturate(shaping + fitting(shaping, braking, self.limits), self.limits)
+
+    def _softness(self, q: Coordinates) -> Scalar:
+        """Force of V_d beside that of ½ eᵀ K_p e; its root keeps the damping ratio far from the target."""
+        e = self.model.space.difference(q, self.target)
+        return 1 / jnp.sqrt(1 + self.curving * (e @ (self.stiffness * e)))
+
+
+def fitting(u: Inputs, extra: Inputs, limits: Inputs) -> Inputs:
+    """Largest part of `extra`, direction kept, that may be added to `u`: what damps goes on damping.
+
+    Args:
+        u: Inputs within the limits.
+        extra: Inputs to add.
+        limits: Largest magnitudes.
+
+    Returns:
+        `extra` times a factor in [0, 1].
+    """
+    room = limits - jnp.sign(extra) * u
+    needed = jnp.abs(extra)
+    shares = jnp.where(needed > room, room / jnp.where(needed > room, needed, 1.0), 1.0)
+    return jnp.min(shares) * extra

@@ -1,0 +1,272 @@
+"""Try a controller made from a run's model: on which machine, from which states, and how the episodes went."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from symoden.control import (
+    AbstractController,
+    Compiled,
+    Episode,
+    Loop,
+    LyapunovAudit,
+    Method,
+    Observer,
+    Tell,
+    Tracking,
+    Verdict,
+    audit_energy,
+    choose_method,
+    design,
+    desired_energies,
+    judge,
+    run_episodes,
+    silent,
+)
+from symoden.mechanics import AbstractDynamics
+from symoden.systems import MACHINES, Machine, Pendulum
+
+from ._ranges import Ranges
+
+_CALLS: Final = 2000
+_LEAST_NOISE: Final = 1e-3
+_WARM: Final = 50
+_AROUND: Final = 0.95
+_TASK_MACHINES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "pendulum": "symoden/DampedPendulum-v0",
+        "cartpole": "symoden/DampedCartPole-v0",
+        "acrobot": "symoden/DampedAcrobot-v0",
+        "cartpole-full": "symoden/FullyActuatedCartPole-v0",
+        "acrobot-full": "symoden/FullyActuatedAcrobot-v0",
+    }
+)
+_HANGING: Final = Machine(  # Task 1, whose data are momenta and whose angle is told to be a number.
+    name="pendulum-canonical",
+    system=Pendulum(gravity=10.0, damping=0.1, momenta=True),
+    upright=(np.pi,),
+    max_input=(15.0,),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlConfig:
+    """What is tried.
+
+    Attributes:
+        method: How the controller is made; `choose_method` decides if None.
+        max_input: Largest magnitude of every input; the machine's own if None.
+        loop: How the controller is connected; its regulators are optimal for this period.
+        episodes: Number of episodes.
+        seed: Seed of the initial states and of the noise.
+    """
+
+    method: Method | None = None
+    max_input: float | None = None
+    loop: Loop = field(default_factory=lambda: Loop(duration=15.0))
+    episodes: int = 100
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse numbers out of range.
+
+        Raises:
+            ValueError: If there is no episode, the seed is negative, or the largest input is not positive.
+        """
+        if self.episodes < 1 or self.seed < 0:
+            raise ValueError(f"Episodes must be at least 1 and the seed 0; got {self.episodes} and {self.seed}.")
+        if self.max_input is not None and not self.max_input > 0:
+            raise ValueError(f"The largest input must be positive; got {self.max_input}.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ControlResult:
+    """How it went.
+
+    Attributes:
+        machine: What was controlled.
+        method: How the controller was made.
+        controller: The controller.
+        limits: Largest magnitude of each input.
+        episodes: Records of the true states.
+        energy: Desired energy along each record.
+        verdict: How each episode ended.
+        audit: Where the desired energy falls.
+        controller_ms: Median time of a call of the compiled controller for one state [ms].
+        design_s: Time it took to make it [s].
+    """
+
+    machine: Machine
+    method: Method
+    controller: AbstractController
+    limits: tuple[float, ...]
+    episodes: Episode
+    energy: Float[np.ndarray, "k T"]
+    verdict: Verdict
+    audit: LyapunovAudit
+    controller_ms: float
+    design_s: float
+
+    @property
+    def settling(self) -> float:
+        """Median settling time of the successful episodes [s]; NaN without any."""
+        times = self.verdict.settling[self.verdict.success]
+        return float(np.median(times)) if times.size else float("nan")
+
+    @property
+    def shown(self) -> int:
+        """Episode that is shown: the successful one of median settling time, the first one without any."""
+        good = np.flatnonzero(self.verdict.success)
+        if not good.size:
+            return 0
+        return int(good[np.argsort(self.verdict.settling[good])[len(good) // 2]])
+
+
+def machine_of(source: str, env: str | None) -> Machine:
+    """Machine to control.
+
+    Args:
+        source: Source of the run's data.
+        env: Identity of an environment; the run's own task if None.
+
+    Returns:
+        The machine.
+
+    Raises:
+        ValueError: If there is no such environment, or the run's data do not say which.
+    """
+    if env is not None:
+        if env not in MACHINES:
+            raise ValueError(f"An environment must be one of {', '.join(MACHINES)}; got {env!r}.")
+        return MACHINES[env]
+    if source in _TASK_MACHINES:
+        return MACHINES[_TASK_MACHINES[source]]
+    if source == _HANGING.name:
+        return _HANGING
+    raise ValueError(
+        f"The run was trained on `{source}`, whose machine cannot be simulated. Name one by `--env`: "
+        f"{', '.join(MACHINES)}."
+    )
+
+
+def initial_states(
+    machine: Machine, method: Method, episodes: int, seed: int
+) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n"]]:
+    """Random states to start from, as far from the target as the method claims to reach.
+
+    An acrobot starts hanging, within 0.2 rad; what only holds the target starts within 0.6 rad of it, lengths within
+    0.5 m; everything else anywhere, with the speeds of the paper's tasks.
+
+    Args:
+        machine: What is controlled.
+        method: How.
+        episodes: Number of states.
+        seed: Seed of the draw.
+
+    Returns:
+        Coordinates and velocities.
+    """
+    space = machine.system.space
+    generator = np.random.default_rng(seed)
+    share_q, share_v = generator.uniform(-1, 1, (2, episodes, space.size))
+    if method == "swing-up" and space.size > machine.system.inputs and all(space.is_angle):
+        return 0.2 * share_q, 0.1 * share_v
+    near = method in {"controlled-lagrangian", "lqr"}
+    size = np.where(space.is_angle, 0.6 if near else np.pi, 0.5)
+    speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
+    return np.asarray(machine.upright) + size * share_q, speed * share_v
+
+
+def try_control(
+    model: AbstractDynamics, machine: Machine, config: ControlConfig, *, tell: Tell = silent
+) -> ControlResult:
+    """Make a controller from a model and try it on a machine.
+
+    Args:
+        model: Learned model, or the true system for comparison; the controller knows nothing else.
+        machine: What is controlled.
+        config: What is tried.
+        tell: Called with what is being done.
+
+    Returns:
+        How it went.
+
+    Raises:
+        ValueError: If the model is of another kind of mechanism than the machine, or the method does not suit it.
+    """
+    system = machine.system
+    if (str(model.space), model.inputs) != (str(system.space), system.inputs):
+        raise ValueError(
+            f"The model has the space {model.space} and {model.inputs} inputs; {machine.name} has {system.space} and "
+            f"{system.inputs}. Choose the environment of the mechanism that the model was trained on."
+        )
+    loop = config.loop
+    limits = machine.max_input if config.max_input is None else (config.max_input,) * system.inputs
+    method = config.method or choose_method(model, machine.upright, limits=limits)
+    start = time.perf_counter()
+    controller = design(model, machine.upright, method=method, limits=limits, period=loop.period, tell=tell)
+    design_s = time.perf_counter() - start
+    q0, v0 = initial_states(machine, method, config.episodes, config.seed)
+    tell(f"{config.episodes} episodes of {loop.duration:g} s")
+    observer = Observer(model, max(loop.noise, _LEAST_NOISE)) if loop.noise or loop.delay else None
+    episodes = run_episodes(system, controller, q0, v0, loop, observer=observer, seed=config.seed)
+    return ControlResult(
+        machine=machine,
+        method=method,
+        controller=controller,
+        limits=limits,
+        episodes=episodes,
+        energy=desired_energies(controller, episodes),
+        verdict=_judged(controller, episodes, machine),
+        audit=audit_energy(system, controller, episodes),
+        controller_ms=_call_ms(controller, q0[0], v0[0]),
+        design_s=design_s,
+    )
+
+
+def _judged(controller: AbstractController, episodes: Episode, machine: Machine) -> Verdict:
+    """Distance from the target, or from the reference."""
+    if not isinstance(controller, Tracking):
+        return judge(episodes, machine.system.space, np.asarray(machine.upright))
+    q, v, _ = jax.vmap(controller.wanted)(episodes.ts[0])
+    return judge(episodes, machine.system.space, np.asarray(q), velocities=np.asarray(v))
+
+
+def _call_ms(controller: AbstractController, q: Float[np.ndarray, " n"], v: Float[np.ndarray, " n"]) -> float:
+    """Median time of a call [ms]."""
+    call = Compiled(controller)
+    times = []
+    for _ in range(_WARM + _CALLS):
+        start = time.perf_counter()
+        call(q, v)
+        times.append(time.perf_counter() - start)
+    return 1e3 * float(np.median(times[_WARM:]))
+
+
+def outside_data(result: ControlResult, ranges: Ranges) -> float:
+    """Share of the visited states that lie outside the ranges of the training data, where a model must extrapolate.
+
+    Args:
+        result: How the episodes went.
+        ranges: Ranges of the training data.
+
+    Returns:
+        The share; angles that the data went all the way round have no outside.
+    """
+    space = result.machine.system.space
+    n = space.size
+    q, rates = (np.asarray(part).reshape(-1, n) for part in result.episodes[1:3])
+    if result.machine.system.momenta:
+        rates = np.einsum("kij,kj->ki", np.asarray(jax.vmap(result.machine.system.mass_matrix)(jnp.asarray(q))), rates)
+    q = np.where(space.is_angle, np.mod(q + np.pi, 2 * np.pi) - np.pi, q)
+    (q_low, q_high), (low, high) = (np.asarray(part).T for part in (ranges.positions, ranges.rates))
+    around = np.asarray(space.is_angle) & (q_high - q_low > 2 * np.pi * _AROUND)
+    inside = ((q >= q_low) & (q <= q_high)) | around
+    return float(1 - (inside & (rates >= low) & (rates <= high)).all(axis=1).mean())

@@ -1,0 +1,89 @@
+"""Episodes under control: configuration, inputs and desired energy over time."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from symoden.control import Tracking
+from symoden.experiments import ControlResult
+
+from ._style import COLOURS, EDGE, INK, LABEL, tidy
+
+_LINES: Final = 30  # episodes that are drawn
+_POINTS: Final = 1500
+_SIZE: Final = (9.0, 6.5)
+_FLOOR: Final = 1e-8
+
+
+def draw_control(result: ControlResult, *, names: tuple[Sequence[str], Sequence[str]]) -> Figure:
+    """Draw coordinates, inputs and desired energy of up to 30 episodes, the median one dark.
+
+    Args:
+        result: How the episodes went.
+        names: Names of the coordinates and of the inputs.
+
+    Returns:
+        The figure.
+    """
+    positions, inputs = names
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    space = result.machine.system.space
+    units = ["rad" if angle else "m" for angle in space.is_angle]
+    panels = [(f"{name} [{unit}]", i) for i, (name, unit) in enumerate(zip(positions, units, strict=True))]
+    axes = figure.subplots(len(panels) + len(inputs) + 1, 1, sharex=True)
+    ts = np.asarray(result.episodes.ts[0])
+    for ax, (label, i) in zip(axes, panels, strict=False):
+        q = np.asarray(result.episodes.q)[:, :, i]
+        plot_episodes(ts, _towards(q, result.machine.upright[i]) if space.is_angle[i] else q, result, ax=ax)
+        if not isinstance(result.controller, Tracking):
+            ax.axhline(result.machine.upright[i], **EDGE)
+        ax.set_ylabel(label, fontsize=LABEL)
+    for ax, (j, name) in zip(axes[len(panels) :], enumerate(inputs), strict=False):
+        plot_episodes(ts, np.asarray(result.episodes.u)[:, :, j], result, ax=ax)
+        for sign in (-1, 1):
+            ax.axhline(sign * result.limits[j], **EDGE)
+        ax.set_ylabel(name, fontsize=LABEL)
+    plot_episodes(ts, np.maximum(result.energy, _FLOOR), result, ax=axes[-1])
+    axes[-1].set_yscale("log")
+    axes[-1].set_ylabel("desired energy", fontsize=LABEL)
+    axes[-1].set_xlabel("time [s]", fontsize=LABEL)
+    good = int(result.verdict.success.sum())
+    figure.suptitle(
+        f"{result.method} on {result.machine.name}: {good} of {len(result.verdict.success)} reach the target; "
+        f"the desired energy falls at {result.audit.share:.1%} of visited states",
+        fontsize=LABEL,
+        color=INK,
+    )
+    return figure
+
+
+def plot_episodes(
+    ts: Float[np.ndarray, " T"], values: Float[np.ndarray, "k T"], result: ControlResult, *, ax: Axes
+) -> Axes:
+    """Draw one quantity of the episodes over time.
+
+    Args:
+        ts: Times [s].
+        values: The quantity in each episode.
+        result: How the episodes went.
+        ax: Where.
+
+    Returns:
+        The same axes.
+    """
+    every = max(1, len(ts) // _POINTS)
+    for k in range(min(_LINES, len(values))):
+        colour = COLOURS[0] if result.verdict.success[k] else COLOURS[1]
+        ax.plot(ts[::every], values[k, ::every], color=colour, linewidth=0.6, alpha=0.35)
+    ax.plot(ts[::every], values[result.shown, ::every], color=INK, linewidth=1.2)
+    return tidy(ax)
+
+
+def _towards(q: Float[np.ndarray, "k T"], target: float) -> Float[np.ndarray, "k T"]:
+    """Angles with whole turns taken off, such that the end is next to the target."""
+    turns = np.round((q[:, -1:] - target) / (2 * np.pi))
+    return q - 2 * np.pi * np.where(np.isfinite(turns), turns, 0.0)

@@ -1,0 +1,71 @@
+"""Machines to control, by the names of their Gymnasium environments: a system, and where it is upright."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from ._acrobot import Acrobot
+from ._cart_pole import CartPole
+from ._pendulum import Pendulum
+from ._planar import AbstractPlanarMechanism
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Machine:
+    """A system to control, with the parameters of the paper's tasks.
+
+    Attributes:
+        name: Identity of its environment.
+        system: The true system.
+        upright: Configuration of the highest potential energy, lengths being zero.
+        max_input: Largest magnitude of each input that its motors give [N or N m].
+    """
+
+    name: str
+    system: AbstractPlanarMechanism
+    upright: tuple[float, ...]
+    max_input: tuple[float, ...]
+
+
+_POLE_DAMPING: Final = 0.05
+_DAMPINGS: Final = (0.2, 0.2)
+
+MACHINES: Final[Mapping[str, Machine]] = MappingProxyType(
+    {
+        machine.name: machine
+        for machine in (
+            Machine(
+                name="symoden/DampedPendulum-v0",
+                system=Pendulum(gravity=10.0, damping=0.1, upright=True),
+                upright=(0.0,),
+                max_input=(15.0,),
+            ),
+            Machine(
+                name="symoden/DampedCartPole-v0",
+                system=CartPole(pole_damping=_POLE_DAMPING),
+                upright=(0.0, 0.0),
+                max_input=(15.0,),
+            ),
+            Machine(
+                name="symoden/DampedAcrobot-v0",
+                system=Acrobot(dampings=_DAMPINGS),
+                upright=(math.pi, 0.0),
+                max_input=(15.0,),
+            ),
+            Machine(
+                name="symoden/FullyActuatedCartPole-v0",
+                system=CartPole(pole_damping=_POLE_DAMPING, fully_actuated=True),
+                upright=(0.0, 0.0),
+                max_input=(15.0, 15.0),
+            ),
+            Machine(
+                name="symoden/FullyActuatedAcrobot-v0",
+                system=Acrobot(dampings=_DAMPINGS, fully_actuated=True),
+                upright=(math.pi, 0.0),
+                max_input=(40.0, 40.0),
+            ),
+        )
+    }
+)

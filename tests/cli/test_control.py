@@ -1,0 +1,94 @@
+"""What `symoden control` prints and writes."""
+
+import json
+
+import jax
+import numpy as np
+import pytest
+from PIL import Image
+
+from symoden.cli import main
+from symoden.control import METHODS
+from symoden.experiments import RunConfig, machine_of, read_source, summarize, write_run
+from symoden.known import KnownParts
+from symoden.models import build, save
+from symoden.spaces import Space
+from symoden.training import TrainingConfig
+
+from .conftest import SMALL
+
+QUICK = ("--episodes", "3", "--duration", "3", "--period", "0.02")
+
+
+@pytest.fixture(scope="module")
+def near_pendulum(tmp_path_factory):
+    """Run of the pendulum's task whose model knows the truth."""
+    folder = tmp_path_factory.mktemp("pendulum")
+    data = summarize(read_source("pendulum").dataset)
+    write_run(folder, RunConfig(source="pendulum", model=SMALL, training=TrainingConfig(), data=data))
+    known = KnownParts(
+        mass_matrix=[["1/3"]], potential_energy="5*cos(q1)", input_matrix=[[1]], dissipation_matrix=[[0.1]]
+    )
+    model = build(SMALL, Space.parse("T1"), 1, known=known, key=jax.random.key(0))
+    save(folder / "model.safetensors", model)
+    return folder
+
+
+def test_json_tells_how_the_episodes_went(near_pendulum, tmp_path, capsys):
+    figure, video = tmp_path / "control.png", tmp_path / "control.gif"
+    words = ["control", str(near_pendulum), *QUICK, "--figure", str(figure), "--video", str(video), "--json"]
+    assert main(words) == 0
+    answer = json.loads(capsys.readouterr().out.splitlines()[-1], parse_constant=pytest.fail)
+    assert list(answer)[:6] == ["env", "method", "episodes", "successes", "median_settling_s", "controller_ms"]
+    assert (answer["env"], answer["method"]) == ("symoden/DampedPendulum-v0", "energy-shaping")
+    assert (answer["episodes"], answer["period_s"], answer["max_input"]) == (3, 0.02, [15.0])
+    assert answer["largest_input"] <= 15.0
+    assert 0 <= answer["lyapunov"]["share"] <= 1
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    with Image.open(video) as film:
+        assert film.format == "GIF"
+        assert getattr(film, "n_frames", 1) > 10
+
+
+def test_people_get_a_table(near_pendulum, capsys):
+    assert main(["control", str(near_pendulum), *QUICK, "--noise", "0.01", "--delay", "0.03"]) == 0
+    printed = capsys.readouterr()
+    assert "energy-shaping on symoden/DampedPendulum-v0, inputs up to 15, every 20 ms" in printed.out
+    for line in ("successes", "median settling time [s]", "one call of the controller [ms]", "outside the data"):
+        assert line in printed.out
+    assert "3 episodes of 3 s" in printed.err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--method", "magic"], f"must be one of {', '.join(METHODS)}; got 'magic'"),
+        (["--env", "Pendulum-v1"], "An environment must be one of symoden/DampedPendulum-v0"),
+        (["--env", "symoden/DampedAcrobot-v0"], "The model has the space T1 and 1 inputs"),
+        (["--video", "a.mp4"], "`--video` must end in .gif"),
+        (["--figure", "a.gif"], "`--figure` must end in one of"),
+        (["--episodes", "0"], "Episodes must be at least 1"),
+        (["--max-input", "-1"], "largest input must be positive"),
+        (["--max-input", "3", "--method", "energy-shaping"], "must exceed the static load"),
+        (["--period", "0"], "must be positive"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_what_does_not_suit_is_one_message(near_pendulum, capsys, words, message):
+    assert main(["control", str(near_pendulum), *words]) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("error: ")
+    assert message in error
+
+
+def test_a_data_set_needs_a_named_machine(arm_run, capsys):
+    assert main(["control", str(arm_run)]) == 2
+    assert "Name one by `--env`" in capsys.readouterr().err
+
+
+def test_every_task_has_its_machine():
+    for task, inputs in (("pendulum", 1), ("cartpole", 1), ("acrobot", 1), ("cartpole-full", 2), ("acrobot-full", 2)):
+        machine = machine_of(task, None)
+        assert machine.system.inputs == inputs
+        assert len(machine.upright) == machine.system.space.size
+    assert machine_of("pendulum-canonical", None).upright == (np.pi,)

@@ -1,0 +1,167 @@
+"""Controllers by name, compiled, and what none of them may depend on."""
+
+import time
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.control import (
+    METHODS,
+    CollocatedPump,
+    Compiled,
+    ControlledLagrangian,
+    EnergyPump,
+    EnergyShaping,
+    Follower,
+    Handover,
+    Loop,
+    Regulator,
+    Tracking,
+    audit_energy,
+    choose_method,
+    design,
+    judge,
+    plan_motion,
+    run_episodes,
+)
+from symoden.control._attraction import follower_level
+from symoden.control._design import lowest
+from symoden.control._search import searched
+from symoden.models import ModelConfig, build, rescale
+from symoden.spaces import Space
+
+from .conftest import ACROBOT, CART_POLE, FULL_ACROBOT, PENDULUM
+
+
+@pytest.fixture(scope="module")
+def swing_up():
+    return design(PENDULUM, [0.0], method="swing-up", limits=4.0)
+
+
+def test_the_method_follows_from_actuation_and_strength():
+    assert choose_method(PENDULUM, [0.0], limits=15.0) == "energy-shaping"
+    assert choose_method(PENDULUM, [0.0], limits=4.0) == "swing-up"
+    assert choose_method(FULL_ACROBOT, [np.pi, 0.0]) == "energy-shaping"
+    assert choose_method(FULL_ACROBOT, [np.pi, 0.0], limits=(40.0, 4.0)) == "swing-up"
+    assert choose_method(CART_POLE, [0.0, 0.0], limits=15.0) == "swing-up"
+    naive = build(ModelConfig(kind="naive", flow=(4,)), Space.parse("T1"), 1, key=jax.random.key(0))
+    assert choose_method(naive, [0.0]) == "lqr"
+    with pytest.raises(ValueError, match="needs a model with an energy; got NaiveModel"):
+        design(naive, [0.0], method="energy-shaping")
+
+
+def test_names_make_their_controllers():
+    made = {
+        "energy-shaping": design(PENDULUM, [0.0], limits=15.0),
+        "tracking": design(PENDULUM, [0.0], method="tracking"),
+        "lqr": design(PENDULUM, [0.0], method="lqr"),
+        "controlled-lagrangian": design(CART_POLE, [0.0, 0.0], method="controlled-lagrangian", limits=15.0),
+    }
+    assert [type(each) for each in made.values()] == [EnergyShaping, Tracking, Regulator, ControlledLagrangian]
+    assert {*made, "swing-up"} <= set(METHODS)
+    with pytest.raises(ValueError, match="Swing-up needs limits"):
+        design(PENDULUM, [0.0], method="swing-up")
+
+
+def test_a_weak_pendulum_swings_up_from_anywhere(swing_up):
+    q0 = np.linspace(-np.pi, np.pi, 20)[:, None]
+    episodes = run_episodes(PENDULUM, swing_up, q0, np.zeros((20, 1)), Loop(duration=12.0, period=0.01))
+    assert judge(episodes, PENDULUM.space, np.zeros(1)).success.all()
+    assert float(jnp.abs(episodes.u).max()) <= 4.0
+    audit = audit_energy(PENDULUM, swing_up, episodes)
+    assert audit.share > 0.97
+
+
+def test_the_audit_finds_where_the_desired_energy_rises(swing_up):
+    episodes = run_episodes(PENDULUM, swing_up, np.array([[3.0]]), np.zeros((1, 1)), Loop(duration=3.0, period=0.01))
+    backwards = eqx.tree_at(lambda c: c.near.gain, swing_up, -swing_up.near.gain)
+    assert audit_energy(PENDULUM, backwards, episodes).share < audit_energy(PENDULUM, swing_up, episodes).share
+    lost = episodes._replace(q=episodes.q * jnp.nan)
+    with pytest.raises(ValueError, match="Nothing to audit"):
+        audit_energy(PENDULUM, swing_up, lost)
+
+
+def test_a_planned_motion_is_one_of_the_model_and_is_followed():
+    motion = plan_motion(PENDULUM, [np.pi], [0.0], limits=4.0, duration=3.0)
+    end = Regulator.of(PENDULUM, [0.0], limits=4.0, period=0.02)
+    assert float(jnp.abs(motion.u).max()) < 4.0
+    follower = Follower.of(PENDULUM, motion, end)
+    np.testing.assert_allclose(follower(motion.x[40, :1], motion.x[40, 1:]), motion.u[40], atol=1e-9)
+    whole = Handover(far=follower, near=end, level=jnp.asarray(0.1), limits=end.limits)
+    level = follower_level(PENDULUM, whole, period=0.02)
+    assert 0.02 <= level <= 2.0
+    whole = eqx.tree_at(lambda c: c.far.level, whole, jnp.asarray(level))
+    q0 = np.pi + np.linspace(-0.5, 0.5, 8)[:, None]
+    episodes = run_episodes(PENDULUM, whole, q0, np.zeros((8, 1)), Loop(duration=12.0, period=0.02))
+    assert judge(episodes, PENDULUM.space, np.zeros(1)).success.all()
+    with pytest.raises(ValueError, match=r"No motion of 0.3 s from \[3.14"):
+        plan_motion(PENDULUM, [np.pi], [0.0], limits=4.0, duration=0.3)
+
+
+def test_a_search_on_the_model_does_not_make_a_swing_up_worse():
+    near = Regulator.of(CART_POLE, [0.0, 0.0], limits=15.0)
+    pump = CollocatedPump.of(CART_POLE, [0.0, 0.0], limits=15.0)
+    first = Handover(far=pump, near=near, level=jnp.asarray(0.15), limits=near.limits)
+    q0, v0 = np.array([[0.0, 3.0], [0.3, -2.0], [-0.3, 1.0]]), np.zeros((3, 2))
+    loop = Loop(duration=8.0, period=0.02, step=0.02)
+    found = searched(CART_POLE, first, q0, v0, rounds=2, loop=loop)
+
+    def away(controller):
+        episodes = run_episodes(CART_POLE, controller, q0, v0, loop)
+        cost = jax.vmap(jax.vmap(near.desired_energy))(episodes.q, episodes.v)
+        return float((cost > 0.15).mean())
+
+    assert isinstance(found.far, CollocatedPump)
+    assert away(found) < away(first)
+    assert np.all(np.asarray(found.far.gains) > 0)
+
+
+def test_the_lowest_configuration_hangs():
+    np.testing.assert_allclose(ACROBOT.space.wrap(lowest(ACROBOT, jnp.array([np.pi, 0.0]))), 0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("seed", "beta"), [(0, 0.2), (1, 7.0)])
+def test_the_unit_of_momentum_changes_no_input(learned, beta, seed):
+    full, under, single = learned("T2", 2, seed), learned("R1 T1", 1, seed), learned("T1", 1, seed)
+    limit, generator = 50.0, np.random.default_rng(seed)
+    makers = [
+        (full, lambda m: EnergyShaping.of(m, [0.3, 0.2])),
+        (full, lambda m: Tracking.of(m, lambda t: jnp.stack([jnp.sin(t), t]))),
+        (single, lambda m: EnergyPump.of(m, [0.3], limits=limit)),
+        (under, lambda m: CollocatedPump.of(m, [0.0, 0.3], limits=limit)),
+        (single, lambda m: Regulator.of(m, [0.3])),
+    ]
+    for model, make in makers:
+        q, v = (jnp.asarray(x) for x in generator.uniform(-1, 1, (2, model.space.size)))
+        u, other = make(model)(q, v), make(rescale(model, beta))(q, v)
+        np.testing.assert_allclose(u, other, rtol=1e-6, atol=1e-8)
+
+
+def test_a_compiled_controller_gives_the_same_and_is_quick():
+    controller = EnergyShaping.of(FULL_ACROBOT, [np.pi, 0.0], limits=40.0)
+    call = Compiled(controller)
+    q, v = np.array([1.0, 2.0]), np.array([0.1, -0.2])
+    np.testing.assert_allclose(call(q, v), controller(jnp.asarray(q), jnp.asarray(v)), rtol=1e-12)
+    times = []
+    for _ in range(300):
+        start = time.perf_counter()
+        call(q, v)
+        times.append(time.perf_counter() - start)
+    assert np.median(times) < 2e-3  # ten times what it takes, for machines that are busy
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_lost_measurement_is_an_error_or_the_safe_input_as_chosen(bad):
+    controller = EnergyShaping.of(PENDULUM, [0.0], limits=15.0)
+    with pytest.raises(ValueError, match="Measurements must be finite"):
+        Compiled(controller)(np.array([bad]), np.zeros(1))
+    safe = Compiled(controller, on_nan="safe", safe=np.array([2.5]))
+    assert safe(np.zeros(1), np.array([bad])).tolist() == [2.5]
+    assert safe(np.zeros(1), np.zeros(1)).tolist() != [2.5]
+    with pytest.raises(ValueError, match="must have 1 coordinates"):
+        safe(np.zeros(2), np.zeros(2))
+    with pytest.raises(ValueError, match="safe input must be within the limits"):
+        Compiled(controller, safe=np.array([16.0]))

@@ -1,0 +1,76 @@
+"""Energy shaping: the laws of its energy, its equilibrium, its limits."""
+
+import equinox as eqx
+import hypothesis.strategies as st
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+
+from symoden.control import EnergyShaping
+
+from .conftest import CART_POLE, FULL, PENDULUM, rate_of
+
+CONTROLLERS = {name: EnergyShaping.of(system, target, limits=limit) for name, (system, target, limit) in FULL.items()}
+CALLS = {name: eqx.filter_jit(controller) for name, controller in CONTROLLERS.items()}
+numbers = st.lists(st.floats(-4, 4), min_size=4, max_size=4)
+
+
+def state(name, values):
+    n = FULL[name][0].space.size
+    return jnp.array(values[:n]), jnp.array(values[2 : 2 + n])
+
+
+@pytest.mark.parametrize("name", FULL)
+@given(values=numbers)
+def test_the_desired_energy_falls_by_friction_and_by_damping_alone(name, values):
+    system, controller = FULL[name][0], CONTROLLERS[name]
+    q, v = state(name, values)
+    rate, _ = rate_of(system, controller, q, v)
+    friction = float(v @ system.dissipation_matrix(q, v) @ v)
+    assert rate <= -friction + 1e-9
+    assert float(controller.desired_energy(q, v)) >= 0
+
+
+@pytest.mark.parametrize("name", FULL)
+@given(values=numbers)
+def test_inputs_stay_within_their_limits(name, values):
+    q, v = state(name, [100 * x for x in values])
+    assert np.all(np.abs(CALLS[name](q, v)) <= FULL[name][2])
+
+
+@pytest.mark.parametrize("name", FULL)
+def test_the_target_is_an_equilibrium_with_the_least_desired_energy(name):
+    system, controller = FULL[name][0], CONTROLLERS[name]
+    still = jnp.zeros(system.space.size)
+    q_dot, p_dot = system.vector_field(controller.target, still, controller(controller.target, still))
+    np.testing.assert_allclose([q_dot, p_dot], 0, atol=1e-9)
+    assert float(controller.desired_energy(controller.target, still)) == 0
+
+
+@given(q=st.floats(-3, 3), v=st.floats(-5, 5), turns=st.integers(-3, 3))
+def test_angles_go_the_short_way_round(q, v, turns):
+    call, v = CALLS["pendulum"], jnp.array([v])
+    np.testing.assert_allclose(call(jnp.array([q]), v), call(jnp.array([q + 2 * np.pi * turns]), v), atol=1e-9)
+
+
+def test_far_away_the_desired_force_leaves_room_for_damping():
+    q, still = jnp.array([[-3.1], [-2.0], [2.0], [3.1]]), jnp.zeros(1)
+    load = 5.0  # what half the weight at the end of the rod takes
+    for each in q:
+        assert abs(float(CONTROLLERS["pendulum"](each, still)[0])) <= load + 0.5 * (15 - load) + 1e-6
+
+
+def test_without_limits_the_desired_potential_energy_is_a_parabola():
+    controller = EnergyShaping.of(PENDULUM, [0.0], frequency=3.0)
+    assert float(controller.desired_energy(jnp.array([2.0]), jnp.zeros(1))) == pytest.approx(0.5 * 9 / 3 * 4)
+
+
+def test_what_cannot_be_shaped_is_refused():
+    with pytest.raises(ValueError, match="an input for each of the 2 coordinates; the model has 1"):
+        EnergyShaping.of(CART_POLE, [0.0, 0.0])
+    with pytest.raises(ValueError, match=r"must exceed the static load \[5.0\]"):
+        EnergyShaping.of(PENDULUM, [0.0], limits=4.0)
+    for limits in (-1.0, (1.0, 2.0)):
+        with pytest.raises(ValueError, match="Limits must be positive"):
+            EnergyShaping.of(PENDULUM, [0.0], limits=limits)
