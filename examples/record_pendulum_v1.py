@@ -41,9 +41,9 @@ print(f"error over 1 s, median: {np.median(errors):.4f} rad")
 places = Pendulum(upright=True).points
 learned = MechanismEnv(model, max_input=2.0, points=places, render_mode="rgb_array")
 true = gymnasium.make("Pendulum-v1")
-true.reset(seed=1)
-angle, rate = true.unwrapped.state
-learned.reset(seed=1, options={"q": [angle], "v": [rate]})
+shown, _ = true.reset(seed=1)
+angle, rate = np.arctan2(shown[1], shown[0]), shown[2]
+predicted, _ = learned.reset(seed=1, options={"q": [angle], "v": [rate]})
 policy = random_levels(true.action_space, dt=0.05, seed=1)
 for _ in range(20):
     torque = policy(None)
@@ -51,4 +51,4 @@ for _ in range(20):
     predicted, reward, *_ = learned.step(torque)
 print(f"after 1 s: true {np.round(shown, 3)}, learned {np.round(predicted, 3)} (cos q, sin q, velocity)")
 print("the velocities differ because that of Pendulum-v1 is half a step old")
-print(f"a picture: {learned.render().shape}")
+print(f"a picture: {np.shape(learned.render())}")
