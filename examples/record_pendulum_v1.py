@@ -51,4 +51,6 @@ for _ in range(20):
     predicted, reward, *_ = learned.step(torque)
 print(f"after 1 s: true {np.round(shown, 3)}, learned {np.round(predicted, 3)} (cos q, sin q, velocity)")
 print("the velocities differ because that of Pendulum-v1 is half a step old")
-print(f"a picture: {np.shape(learned.render())}")
+picture = learned.render()
+assert isinstance(picture, np.ndarray)
+print(f"a picture: {picture.shape}")
