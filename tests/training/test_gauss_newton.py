@@ -74,6 +74,13 @@ def test_the_chunk_changes_the_normal_equations_by_rounding_alone(pendulum, smal
         assert np.array_equal(parts.residuals, whole.residuals)
         assert parts.matrix == pytest.approx(whole.matrix, rel=1e-11, abs=1e-13 * np.abs(whole.matrix).max())
         assert parts.gradient == pytest.approx(whole.gradient, rel=1e-11, abs=1e-13 * np.abs(whole.gradient).max())
+        assert parts.spread == pytest.approx(whole.spread, rel=1e-9, abs=1e-12 * np.abs(whole.spread).max())
+    singles = [
+        normal_equations(restore, theta, objective, batch.take(slice(k, k + 1)), precision=jnp.float64)
+        for k in range(batch.ts.shape[0])
+    ]
+    scores = np.array([single.gradient * single.residuals.size for single in singles])
+    assert whole.spread == pytest.approx(scores.T @ scores, rel=1e-9, abs=1e-12 * np.abs(whole.spread).max())
 
 
 def test_the_gradient_of_the_loss_is_twice_that_of_the_normal_equations(pendulum, small):
@@ -130,6 +137,6 @@ def test_an_accelerated_step_misses_the_bottom_by_the_third_order(pendulum, smal
 
 def test_frozen_corrections_are_no_parameters(pendulum, small):
     model, _, _ = problem(pendulum(), small)
-    (_, few), (restore, many) = (Flattening.of(model, corrections=free) for free in (False, True))
+    (_, few), (restore, many) = (Flattening.of(model, corrections=free) for free in (0, RUNGS))
     assert len(many) - len(few) == 2 * 3 + 3 + 3 + 1
     assert eqx.tree_equal(restore(many), model)
