@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from symoden.cli import main
-from symoden.experiments import simulate, task
+from symoden.experiments import Prediction, simulate, task
 
 from .conftest import write_untrained_run
 
@@ -81,6 +81,25 @@ def test_predict_writes_every_recording_and_its_rollout(arm_run, arm, tmp_path, 
         assert file["b/q_predicted"].shape == file["b/q"].shape == (60, 1)
         np.testing.assert_allclose(file["b/q_predicted"][0], file["b/q"][0])
         np.testing.assert_allclose(file["b/rates_predicted"][0], file["b/rates"][0], atol=1e-12)
+
+
+def test_predict_warns_where_the_model_extrapolates(arm_run, described, tmp_path, capsys, monkeypatch):
+    def perfect(_model, recordings, **_options):
+        return [Prediction(q=r.q, rates=r.rates, observations=r.q) for r in recordings]
+
+    monkeypatch.setattr("symoden.cli._predict.predict", perfect)
+    head, *lines = described.with_name("a.csv").read_text().splitlines()
+    where = head.split(",").index("v")
+    rows = [line.split(",") for line in lines]
+    for row in rows[60:]:
+        row[where] = str(float(row[where]) + 40)
+    described.with_name("b.csv").write_text("\n".join([head, *map(",".join, rows)]) + "\n")
+    words = ("predict", str(arm_run), str(described), "--out", str(tmp_path / "paths.npz"))
+    assert answer(capsys, *words)["outside"] == {"a": 0.0, "b": (len(rows) - 60) / len(rows)}
+    assert main([*words]) == 0
+    printed = capsys.readouterr().err
+    assert "warning: `b` lies outside of what training saw for" in printed
+    assert "`a`" not in printed
 
 
 def test_names_that_occur_in_several_parts_are_told_apart(arm_run, described, tmp_path):

@@ -182,13 +182,17 @@ def test_the_digest_tells_data_apart():
     assert summarize(one).digest != summarize(other).digest
 
 
+def outside(ranges, recording, space):
+    return ranges.outside(recording.q, recording.rates, recording.us, space)
+
+
 @given(turns=st.integers(-5, 5), size=st.integers(1, 3))
 def test_training_data_are_inside_their_range_however_often_angles_turned(turns, size):
     recording = swing(size=size)
     ranges, space = Ranges.of([recording]), Space.parse(f"T{size}")
     turned = dataclasses.replace(recording, q=recording.q + 2 * np.pi * turns)
-    assert not ranges.outside(turned, space).any()
-    assert turns == 0 or ranges.outside(turned, Space.parse(f"R{size}")).all()
+    assert not outside(ranges, turned, space).any()
+    assert turns == 0 or outside(ranges, turned, Space.parse(f"R{size}")).all()
 
 
 @pytest.mark.parametrize("column", ["q", "rates", "us"])
@@ -196,5 +200,9 @@ def test_a_sample_that_training_never_saw_is_outside(column):
     recording = swing()
     values = getattr(recording, column).copy()
     values[7] = 1.5 if column == "q" else -1.5
-    away = Ranges.of([recording]).outside(dataclasses.replace(recording, **{column: values}), Space.parse("T1"))
+    away = outside(Ranges.of([recording]), dataclasses.replace(recording, **{column: values}), Space.parse("T1"))
     assert np.flatnonzero(away).tolist() == [7]
+    values[9] = np.nan  # A rollout that diverged.
+    arrays = {name: values if name == column else getattr(recording, name) for name in ("q", "rates", "us")}
+    away = Ranges.of([recording]).outside(**arrays, space=Space.parse("T1"))
+    assert np.flatnonzero(away).tolist() == [7, 9]

@@ -1,13 +1,17 @@
 """`symoden predict`."""
 
+import sys
 from collections import Counter
 
 import numpy as np
 
 from symoden.experiments import evaluation_solver, predict, read_model, read_run, read_run_source
+from symoden.spaces import Space
 
 from ._arguments import Predict
 from ._output import print_json, save_npz
+
+_MANY = 0.05  # Share of samples outside of the training data from which it is worth a word.
 
 
 def run(command: Predict) -> None:
@@ -24,8 +28,14 @@ def run(command: Predict) -> None:
     predictions = predict(model, recordings, hold=source.dataset.hold, solver=evaluation_solver(config))
     counts = Counter(recording.name for recording in recordings)
     arrays: dict[str, np.ndarray] = {}
+    outside: dict[str, float] = {}
+    space = Space.parse(config.data.space)
     for (part, recording), prediction in zip(every, predictions, strict=True):
         name = recording.name if counts[recording.name] == 1 else f"{part}:{recording.name}"
+        # What is asked for may lie outside, or the rollout may go there.
+        asked = config.data.ranges.outside(recording.q, recording.rates, recording.us, space)
+        went = config.data.ranges.outside(prediction.q, prediction.rates, recording.us, space)
+        outside[name] = float(np.mean(asked | went))
         arrays |= {
             f"{name}/ts": recording.ts,
             f"{name}/q": recording.q,
@@ -35,7 +45,22 @@ def run(command: Predict) -> None:
             f"{name}/rates_predicted": prediction.rates,
         }
     save_npz(command.out, arrays)
+    for name, share in outside.items():
+        if share > _MANY:
+            print(
+                f"warning: `{name}` lies outside of what training saw for {share:.0%} of its samples, recorded or "
+                "predicted; there the model extrapolates. Train on data that reach as far.",
+                file=sys.stderr,
+            )
     if command.general.json:
-        print_json({"run": str(command.run), "source": source.name, "out": str(command.out), "recordings": len(every)})
+        print_json(
+            {
+                "run": str(command.run),
+                "source": source.name,
+                "out": str(command.out),
+                "recordings": len(every),
+                "outside": outside,
+            }
+        )
     else:
         print(f"rollouts along {len(every)} recordings of {source.name} in {command.out}")

@@ -82,7 +82,7 @@ def audit(
     """
     if not trajectories:
         raise ValueError("An audit needs at least one recording; got none.")
-    away = np.concatenate([ranges.outside(trajectory, model.space) for trajectory in trajectories])
+    away = np.concatenate([ranges.outside(t.q, t.rates, t.us, model.space) for t in trajectories])
     none = dict.fromkeys(("log_residual_median", "log_residual_max", "inverse_mass_min", "dissipation_min"))
     if not isinstance(model, AbstractPortHamiltonian):
         return Audit(

@@ -50,23 +50,31 @@ class Ranges:
             inputs=bounds(np.concatenate([trajectory.us for trajectory in trajectories])),
         )
 
-    def outside(self, trajectory: Trajectory, space: Space) -> Bool[np.ndarray, " T"]:
-        """Which samples of a recording have a position, rate or input that training never saw.
+    def outside(
+        self,
+        q: Float[np.ndarray, "T n"],
+        rates: Float[np.ndarray, "T n"],
+        us: Float[np.ndarray, "T m"],
+        space: Space,
+    ) -> Bool[np.ndarray, " T"]:
+        """Which samples have a position, rate or input that training never saw.
 
         Args:
-            trajectory: Any recording of the same mechanism.
-            space: Its space; angles are compared modulo 2π.
+            q: Coordinates.
+            rates: Velocities or momenta.
+            us: Inputs.
+            space: Space of the mechanism; angles are compared modulo 2π.
 
         Returns:
-            Whether each sample lies outside.
+            Whether each sample lies outside; samples that are not finite do.
         """
         low, high = np.asarray(self.positions).T
         slack = _SLACK * np.maximum(1.0, high - low)
         angle = np.asarray(space.is_angle)
-        above = np.where(angle, np.mod(trajectory.q - low + slack, 2 * np.pi), trajectory.q - low + slack)
-        away = np.any((above < 0) | (above > high - low + 2 * slack), axis=1)
-        for bounds, columns in ((self.rates, trajectory.rates), (self.inputs, trajectory.us)):
+        above = np.where(angle, np.mod(q - low + slack, 2 * np.pi), q - low + slack)
+        inside = np.all((above >= 0) & (above <= high - low + 2 * slack), axis=1)
+        for bounds, columns in ((self.rates, rates), (self.inputs, us)):
             if bounds:
                 low, high = np.asarray(bounds).T
-                away |= np.any((columns < low - _SLACK) | (columns > high + _SLACK), axis=1)
-        return away
+                inside &= np.all((columns >= low - _SLACK) & (columns <= high + _SLACK), axis=1)
+        return ~inside
