@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Final, TypeAlias
 
 from symoden.mechanics import AbstractMechanical
-from symoden.systems import Acrobot, CartPole, Pendulum
+from symoden.systems import MACHINES, Pendulum
 
 from ._paper import PAPER, PaperErrors
 
@@ -75,7 +75,7 @@ TASKS: Final[Mapping[str, Task]] = MappingProxyType(
         ),
         "pendulum": Task(
             name="pendulum",
-            system=Pendulum(gravity=10.0, damping=0.1, upright=True),
+            system=MACHINES["symoden/DampedPendulum-v0"].system,
             space="T1",
             dt=0.05,
             position_bounds=((-math.pi, math.pi),),
@@ -86,7 +86,7 @@ TASKS: Final[Mapping[str, Task]] = MappingProxyType(
         ),
         "cartpole": Task(
             name="cartpole",
-            system=CartPole(pole_damping=0.05),
+            system=MACHINES["symoden/DampedCartPole-v0"].system,
             space="R1 T1",
             dt=0.02,
             position_bounds=((-0.5, 0.5), (-3.14, 3.14)),
@@ -97,7 +97,7 @@ TASKS: Final[Mapping[str, Task]] = MappingProxyType(
         ),
         "acrobot": Task(
             name="acrobot",
-            system=Acrobot(dampings=(0.2, 0.2)),
+            system=MACHINES["symoden/DampedAcrobot-v0"].system,
             space="T2",
             dt=0.05,
             position_bounds=((-3.14, 3.14), (-3.14, 3.14)),
@@ -108,7 +108,7 @@ TASKS: Final[Mapping[str, Task]] = MappingProxyType(
         ),
         "cartpole-full": Task(
             name="cartpole-full",
-            system=CartPole(pole_damping=0.05, fully_actuated=True),
+            system=MACHINES["symoden/FullyActuatedCartPole-v0"].system,
             space="R1 T1",
             dt=0.02,
             position_bounds=((-0.5, 0.5), (-3.14, 3.14)),
@@ -119,7 +119,7 @@ TASKS: Final[Mapping[str, Task]] = MappingProxyType(
         ),
         "acrobot-full": Task(
             name="acrobot-full",
-            system=Acrobot(dampings=(0.2, 0.2), fully_actuated=True),
+            system=MACHINES["symoden/FullyActuatedAcrobot-v0"].system,
             space="T2",
             dt=0.05,
             position_bounds=((-3.14, 3.14), (-3.14, 3.14)),
