@@ -3,10 +3,10 @@
 import dataclasses
 from dataclasses import asdict
 
+from symoden.data import Dataset, Trajectory
 from symoden.experiments import (
     BandScore,
     RunConfig,
-    Source,
     evaluation_solver,
     read_model,
     read_run,
@@ -31,7 +31,10 @@ def run(command: Evaluate) -> None:
     model = read_model(command.run)
     source = read_run_source(config, command.source)
     scores = report_scores(model, config, source, json=command.general.json)
-    bands = _bands(model, config, source) if command.bands else None
+    bands = None
+    if command.bands:
+        own = source if command.source is None else read_run_source(config)
+        bands = _bands(model, config, own.dataset, source.dataset.test)
     if command.general.json:
         print_json(scores if bands is None else scores | {"bands": asdict(bands)})
     elif bands is not None:
@@ -42,10 +45,8 @@ def run(command: Evaluate) -> None:
         )
 
 
-def _bands(model: AbstractDynamics, config: RunConfig, source: Source) -> BandScore:
-    """Bands from the run's own data, judged on the recordings of the source that were not trained on."""
-    own = read_run_source(config).dataset
+def _bands(model: AbstractDynamics, config: RunConfig, own: Dataset, test: tuple[Trajectory, ...]) -> BandScore:
+    """Bands from the run's own data, judged on recordings that were not trained on."""
     posterior = infer_posterior(model, own, config.training)
-    held = hold_out(own, config.training)
-    judged = dataclasses.replace(held, test=source.dataset.test)
+    judged = dataclasses.replace(hold_out(own, config.training), test=test)
     return score_bands(posterior, judged, solver=evaluation_solver(config))
