@@ -1,5 +1,6 @@
 """How certain a model is of M, V, g and D, and of its predictions."""
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -139,26 +140,8 @@ def certainty(posterior: Posterior, inspection: Inspection) -> Certainty:
     found: tuple = jax.tree.unflatten(structure, widths)
     return Certainty(
         level=LEVEL,
-        profiles=tuple(
-            Profile(
-                coordinate=profile.coordinate,
-                values=profile.values,
-                mass_matrix=blocks.mass,
-                potential_energy=blocks.potential,
-                input_matrix=blocks.inputs,
-                dissipation_matrix=blocks.dissipation,
-            )
-            for profile, blocks in zip(inspection.profiles, found[0], strict=True)
-        ),
-        friction=tuple(
-            FrictionProfile(
-                coordinate=profile.coordinate,
-                velocities=profile.velocities,
-                coefficient=force / np.abs(profile.velocities),
-                force=force,
-            )
-            for profile, force in zip(inspection.friction, found[1], strict=True)
-        ),
+        profiles=tuple(map(_as_profile, inspection.profiles, found[0])),
+        friction=tuple(map(_as_friction, inspection.friction, found[1])),
         identified=dict(zip(identified_parameters(model), found[2].tolist(), strict=True)),
         relative=_relative(learned[0], found[0]),
         undetermined=_undetermined(learned[0], found[0]),
@@ -294,6 +277,22 @@ def _blocks(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray) -> _Bl
         )
 
     return jax.vmap(one)(jnp.asarray(q), jnp.asarray(v))
+
+
+def _as_profile(profile: Profile, blocks: _Blocks) -> Profile:
+    """Other blocks along the same coordinate."""
+    return dataclasses.replace(
+        profile,
+        mass_matrix=blocks.mass,
+        potential_energy=blocks.potential,
+        input_matrix=blocks.inputs,
+        dissipation_matrix=blocks.dissipation,
+    )
+
+
+def _as_friction(profile: FrictionProfile, force: np.ndarray) -> FrictionProfile:
+    """Another force along the same velocity."""
+    return dataclasses.replace(profile, coefficient=force / np.abs(profile.velocities), force=force)
 
 
 def _along(profile: Profile, middle: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
