@@ -54,8 +54,11 @@ BARS = (
     Bar(name="cart-pole with two inputs, tracking", task="cartpole-full", method="tracking", limit=60.0),
     Bar(name="acrobot with two inputs, tracking", task="acrobot-full", method="tracking", limit=200.0),
     Bar(name="cart-pole, controlled Lagrangian", task="cartpole", method="controlled-lagrangian", limit=15.0),
+    Bar(name="cart-pole, IDA-PBC", task="cartpole", method="ida-pbc", limit=15.0),
     Bar(name="cart-pole, regulator near the top", task="cartpole", method="lqr", limit=15.0, naive=True),
     Bar(name="cart-pole, swing-up", task="cartpole", method="swing-up", limit=15.0, duration=20.0, least=95),
+    Bar(name="acrobot, IDA-PBC near the top", task="acrobot", method="ida-pbc", limit=15.0, least=0),
+    Bar(name="acrobot, regulator near the top", task="acrobot", method="lqr", limit=15.0, least=0, naive=True),
     Bar(name="acrobot, swing-up", task="acrobot", method="swing-up", limit=15.0, duration=20.0, least=90),
 )
 LOOPS = {"clean": {"period": 0.005}, "noise, 20 ms": {"period": 0.02, "noise": 0.01}}

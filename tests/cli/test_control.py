@@ -20,18 +20,32 @@ from .conftest import SMALL
 QUICK = ("--episodes", "3", "--duration", "3", "--period", "0.02")
 
 
-@pytest.fixture(scope="module")
-def near_pendulum(tmp_path_factory):
-    """Run of the pendulum's task whose model knows the truth."""
-    folder = tmp_path_factory.mktemp("pendulum")
-    data = summarize(read_source("pendulum").dataset)
-    write_run(folder, RunConfig(source="pendulum", model=SMALL, training=TrainingConfig(), data=data))
-    known = KnownParts(
-        mass_matrix=[["1/3"]], potential_energy="5*cos(q1)", input_matrix=[[1]], dissipation_matrix=[[0.1]]
-    )
-    model = build(SMALL, Space.parse("T1"), 1, known=known, key=jax.random.key(0))
+def knowing_run(folder, task, space, **parts):
+    """Run of a task whose model knows the truth."""
+    data = summarize(read_source(task).dataset)
+    write_run(folder, RunConfig(source=task, model=SMALL, training=TrainingConfig(), data=data))
+    model = build(SMALL, Space.parse(space), 1, known=KnownParts(**parts), key=jax.random.key(0))
     save(folder / "model.safetensors", model)
     return folder
+
+
+@pytest.fixture(scope="module")
+def near_pendulum(tmp_path_factory):
+    parts = {"mass_matrix": [["1/3"]], "potential_energy": "5*cos(q1)", "input_matrix": [[1]]}
+    return knowing_run(tmp_path_factory.mktemp("pendulum"), "pendulum", "T1", **parts, dissipation_matrix=[[0.1]])
+
+
+@pytest.fixture(scope="module")
+def near_cart_pole(tmp_path_factory):
+    return knowing_run(
+        tmp_path_factory.mktemp("cartpole"),
+        "cartpole",
+        "R1 T1",
+        mass_matrix=[[1, "cos(q2)/4"], ["cos(q2)/4", "1/6"]],
+        potential_energy="2.45*cos(q2)",
+        input_matrix=[[1], [0]],
+        dissipation_matrix=[[0, 0], [0, 0.05]],
+    )
 
 
 def test_json_tells_how_the_episodes_went(near_pendulum, tmp_path, capsys):
@@ -43,6 +57,7 @@ def test_json_tells_how_the_episodes_went(near_pendulum, tmp_path, capsys):
     assert (answer["env"], answer["method"]) == ("symoden/DampedPendulum-v0", "energy-shaping")
     assert (answer["episodes"], answer["period_s"], answer["max_input"]) == (3, 0.02, [15.0])
     assert answer["largest_input"] <= 15.0
+    assert answer["matching"] is None
     assert 0 <= answer["lyapunov"]["share"] <= 1
     assert figure.read_bytes().startswith(b"\x89PNG")
     with Image.open(video) as film:
@@ -57,6 +72,16 @@ def test_people_get_a_table(near_pendulum, capsys):
     for line in ("successes", "median settling time [s]", "one call of the controller [ms]", "outside the data"):
         assert line in printed.out
     assert "3 episodes of 3 s" in printed.err
+
+
+def test_ida_pbc_tells_what_remains_unmatched(near_cart_pole, capsys):
+    words = ["control", str(near_cart_pole), "--method", "ida-pbc", *QUICK]
+    assert main([*words, "--json"]) == 0
+    matching = json.loads(capsys.readouterr().out.splitlines()[-1])["matching"]
+    assert 0 < matching["rest"] < 1e-3
+    assert len(matching["rest_q"]) == len(matching["moving_q"]) == 2
+    assert main(words) == 0
+    assert "forces that no input matches" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

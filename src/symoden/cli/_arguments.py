@@ -214,7 +214,7 @@ class Control:
         run: Folder of the run.
         env: Machine: symoden/DampedPendulum-v0, symoden/DampedCartPole-v0, symoden/DampedAcrobot-v0,
             symoden/FullyActuatedCartPole-v0 or symoden/FullyActuatedAcrobot-v0.
-        method: How: energy-shaping, controlled-lagrangian, swing-up, tracking or lqr.
+        method: How: energy-shaping, ida-pbc, controlled-lagrangian, swing-up, tracking or lqr.
         max_input: Largest magnitude of every input [N or N m].
         noise: Standard deviation of the noise on every measured coordinate and velocity; a Kalman filter on the model
             then stands before the controller.

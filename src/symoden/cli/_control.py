@@ -94,6 +94,14 @@ def _print(result: ControlResult, settings: ControlConfig, outside: float) -> No
         ["visited states outside the data", f"{outside:.1%}"],
     ]
     print_table("closed loop", ("quantity", "value"), rows)
+    if result.matching is not None:
+        matching = result.matching
+        where, then = (", ".join(number(x) for x in part) for part in (matching.rest_q, matching.moving_q))
+        rows = [
+            ["at rest", f"{matching.rest:.2g}", f"({where})"],
+            ["at the natural speed", f"{matching.moving:.2g}", f"({then})"],
+        ]
+        print_table("forces that no input matches, relative to the largest load", ("", "largest", "at q"), rows)
     if audit.share < 1:
         q, v = (", ".join(number(x) for x in part) for part in (audit.worst_q, audit.worst_v))
         print(f"the desired energy rises fastest at q = ({q}), v = ({v})")
@@ -127,6 +135,7 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
             "worst_v": audit.worst_v,
             "saturated": audit.saturated,
         },
+        "matching": None if result.matching is None else result.matching._asdict(),
         "figure": None if command.figure is None else str(command.figure),
         "video": None if command.video is None else str(command.video),
     }

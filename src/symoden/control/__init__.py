@@ -19,6 +19,7 @@ from ._design import (
 )
 from ._follower import Follower as Follower
 from ._handover import Handover as Handover
+from ._ida_pbc import IdaPbc as IdaPbc, Matching as Matching
 from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
 from ._lagrangian import ControlledLagrangian as ControlledLagrangian
 from ._loop import Episode as Episode, Loop as Loop, close_loop as close_loop, run_episodes as run_episodes
@@ -41,8 +42,10 @@ __all__ = [
     "Estimate",
     "Follower",
     "Handover",
+    "IdaPbc",
     "Loop",
     "LyapunovAudit",
+    "Matching",
     "Method",
     "Motion",
     "Observer",

@@ -16,6 +16,7 @@ from ._attraction import attraction, follower_level
 from ._controller import AbstractController, Limits, Target, as_array, input_limits
 from ._follower import Follower
 from ._handover import Handover
+from ._ida_pbc import IdaPbc
 from ._lagrangian import ControlledLagrangian
 from ._motion import potential
 from ._plan import plan_motion
@@ -26,7 +27,7 @@ from ._search import searched
 from ._shaping import EnergyShaping
 from ._tracking import Reference, Tracking
 
-Method: TypeAlias = Literal["energy-shaping", "controlled-lagrangian", "swing-up", "tracking", "lqr"]
+Method: TypeAlias = Literal["energy-shaping", "ida-pbc", "controlled-lagrangian", "swing-up", "tracking", "lqr"]
 METHODS: Final[tuple[Method, ...]] = get_args(Method)
 Tell: TypeAlias = Callable[[str], None]
 
@@ -88,6 +89,9 @@ def design(
             return EnergyShaping.of(model, target, limits=limits)
         case "tracking":
             return Tracking.of(model, reference or slow_swing(model, as_array(target)), limits=limits)
+        case "ida-pbc":
+            tell("solving the matching conditions")
+            return IdaPbc.of(model, target, limits=limits)
         case "controlled-lagrangian":
             tell("searching gains on the linearised closed loop")
             return ControlledLagrangian.of(model, target, limits=limits)

@@ -86,7 +86,7 @@ class EnergyShaping(AbstractController):
         if model.inputs != n:
             raise ValueError(
                 f"Energy shaping needs an input for each of the {n} coordinates; the model has {model.inputs}. "
-                "Use swing-up, or controlled Lagrangian or IDA-PBC."
+                "Use swing-up, IDA-PBC or a controlled Lagrangian."
             )
         goal = as_array(target)
         omega = bandwidth(model, goal) if frequency is None else frequency

@@ -15,8 +15,10 @@ from symoden.control import (
     AbstractController,
     Compiled,
     Episode,
+    IdaPbc,
     Loop,
     LyapunovAudit,
+    Matching,
     Method,
     Observer,
     Tell,
@@ -38,7 +40,6 @@ from ._ranges import Ranges
 _CALLS: Final = 2000
 _LEAST_NOISE: Final = 1e-3
 _WARM: Final = 50
-_AROUND: Final = 0.95
 _TASK_MACHINES: Final[Mapping[str, str]] = MappingProxyType(
     {
         "pendulum": "symoden/DampedPendulum-v0",
@@ -99,6 +100,7 @@ class ControlResult:
         energy: Desired energy along each record.
         verdict: How each episode ended.
         audit: Where the desired energy falls.
+        matching: How well the matching conditions hold, for IDA-PBC.
         controller_ms: Median time of a call of the compiled controller for one state [ms].
         design_s: Time it took to make it [s].
     """
@@ -111,6 +113,7 @@ class ControlResult:
     energy: Float[np.ndarray, "k T"]
     verdict: Verdict
     audit: LyapunovAudit
+    matching: Matching | None
     controller_ms: float
     design_s: float
 
@@ -161,8 +164,8 @@ def initial_states(
 ) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n"]]:
     """Random states to start from, as far from the target as the method claims to reach.
 
-    An acrobot starts hanging, within 0.2 rad; what only holds the target starts within 0.6 rad of it, lengths within
-    0.5 m; everything else anywhere, with the speeds of the paper's tasks.
+    What only holds the target starts within 0.6 rad of it, lengths within 0.5 m; an acrobot within 0.2 rad of it, or of
+    hanging if it swings up; everything else starts anywhere, with the speeds of the paper's tasks.
 
     Args:
         machine: What is controlled.
@@ -176,10 +179,11 @@ def initial_states(
     space = machine.system.space
     generator = np.random.default_rng(seed)
     share_q, share_v = generator.uniform(-1, 1, (2, episodes, space.size))
-    if method == "swing-up" and space.size > machine.system.inputs and all(space.is_angle):
+    acrobot = space.size > machine.system.inputs and all(space.is_angle)
+    if method == "swing-up" and acrobot:
         return 0.2 * share_q, 0.1 * share_v
-    near = method in {"controlled-lagrangian", "lqr"}
-    size = np.where(space.is_angle, 0.6 if near else np.pi, 0.5)
+    near = method in {"ida-pbc", "controlled-lagrangian", "lqr"}
+    size = np.where(space.is_angle, (0.2 if acrobot else 0.6) if near else np.pi, 0.5)
     speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
     return np.asarray(machine.upright) + size * share_q, speed * share_v
 
@@ -226,6 +230,7 @@ def try_control(
         energy=desired_energies(controller, episodes),
         verdict=_judged(controller, episodes, machine),
         audit=audit_energy(system, controller, episodes),
+        matching=controller.matching() if isinstance(controller, IdaPbc) else None,
         controller_ms=_call_ms(controller, q0[0], v0[0]),
         design_s=design_s,
     )
@@ -258,15 +263,10 @@ def outside_data(result: ControlResult, ranges: Ranges) -> float:
         ranges: Ranges of the training data.
 
     Returns:
-        The share; angles that the data went all the way round have no outside.
+        The share; inputs do not count.
     """
     space = result.machine.system.space
-    n = space.size
-    q, rates = (np.asarray(part).reshape(-1, n) for part in result.episodes[1:3])
+    q, rates = (np.asarray(part).reshape(-1, space.size) for part in result.episodes[1:3])
     if result.machine.system.momenta:
         rates = np.einsum("kij,kj->ki", np.asarray(jax.vmap(result.machine.system.mass_matrix)(jnp.asarray(q))), rates)
-    q = np.where(space.is_angle, np.mod(q + np.pi, 2 * np.pi) - np.pi, q)
-    (q_low, q_high), (low, high) = (np.asarray(part).T for part in (ranges.positions, ranges.rates))
-    around = np.asarray(space.is_angle) & (q_high - q_low > 2 * np.pi * _AROUND)
-    inside = ((q >= q_low) & (q <= q_high)) | around
-    return float(1 - (inside & (rates >= low) & (rates <= high)).all(axis=1).mean())
+    return float(ranges.outside(q, rates, None, space).mean())

@@ -54,7 +54,7 @@ class Ranges:
         self,
         q: Float[np.ndarray, "T n"],
         rates: Float[np.ndarray, "T n"],
-        us: Float[np.ndarray, "T m"],
+        us: Float[np.ndarray, "T m"] | None,
         space: Space,
     ) -> Bool[np.ndarray, " T"]:
         """Which samples have a position, rate or input that training never saw.
@@ -62,7 +62,7 @@ class Ranges:
         Args:
             q: Coordinates.
             rates: Velocities or momenta.
-            us: Inputs.
+            us: Inputs; None where these do not matter, as what is linear in them reaches beyond the data.
             space: Space of the mechanism; angles are compared modulo 2π.
 
         Returns:
@@ -74,7 +74,7 @@ class Ranges:
         above = np.where(angle, np.mod(q - low + slack, 2 * np.pi), q - low + slack)
         inside = np.all((above >= 0) & (above <= high - low + 2 * slack), axis=1)
         for bounds, columns in ((self.rates, rates), (self.inputs, us)):
-            if bounds:
+            if bounds and columns is not None:
                 low, high = np.asarray(bounds).T
                 inside &= np.all((columns >= low - _SLACK) & (columns <= high + _SLACK), axis=1)
         return ~inside
