@@ -167,6 +167,7 @@ def main() -> None:
         if _key(bar.name, model, loop) in rows:
             continue
         found = row(words.runs, bar, model, loop)
+        jax.clear_caches()  # Every compiled program holds memory maps, of which a process may have 65530.
         if found is None:
             continue
         rows[_key(bar.name, model, loop)] = found

@@ -28,7 +28,7 @@ def tiny(name, *, task, kind):
         energy=(4,),
     )
     lm_steps = 2 if kind == "dissipative" else 0
-    return model, TrainingConfig(adam_steps=20, lm_steps=lm_steps, growth_steps=0, batch_size=32)
+    return model, TrainingConfig(adam_steps=20, lm_steps=lm_steps, growth_steps=0, relevance_steps=0, batch_size=32)
 
 
 def same_weights(one, other):

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,7 +21,16 @@ def stage(pendulum, small, quick):
     model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
     data = _fit.levenberg_data(dataset, model, quick)
     state = TrainingState(
-        stage=0, step=1, model=model, optimizer=None, damping=1e-4, substeps=1, best=model, best_loss=1.0, stale=0
+        stage=0,
+        step=1,
+        model=model,
+        memory=None,
+        damping=1e-4,
+        substeps=1,
+        best=model,
+        best_loss=1.0,
+        stale=0,
+        incumbent=(model, None),
     )
     return LevenbergStage(data, quick), state
 
@@ -43,10 +53,41 @@ def test_a_loss_in_the_units_of_the_data_has_no_such_bound(stage):
 def test_no_block_grows_where_the_rest_explains_the_motion(stage):
     stage, state = stage
     growth = dataclasses.replace(stage, corrections=RUNGS)
-    after, report = growth.advance(state._replace(best_loss=9e-7))
-    assert (after.step, report.finished, report.outcome) == (1, True, "nothing left to explain")
-    after, _ = growth.advance(state._replace(best_loss=2e-6))
-    assert after.step == 2
+    started = growth.start(state)
+    after, report = growth.advance(started._replace(best_loss=9e-7))
+    assert (after.step, report.finished, report.outcome) == (0, True, "nothing left to explain")
+    after, _ = growth.advance(started._replace(best_loss=2e-6))
+    assert after.step == 1
+
+
+@pytest.mark.parametrize(
+    ("relevance", "errors", "kept"), [(False, -1.1, True), (False, -0.9, False), (True, 0.9, True), (True, 1.1, False)]
+)
+def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_against_it(
+    stage, monkeypatch, relevance, errors, kept
+):
+    stage, state = stage
+    config = dataclasses.replace(stage.config, growth_steps=1, relevance_steps=1)
+    data = stage.data._replace(validation=stage.data.train)
+    last = dataclasses.replace(stage, data=data, config=config, corrections=1, relevance=relevance)
+    monkeypatch.setattr(type(data), "compare", lambda *_: errors)
+    started = last.start(state)
+    after, report = last.advance(started)
+    assert report.finished
+    first, best = (jax.tree.leaves(each) for each in (started.best, after.best))
+    assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
+    assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)
+    assert (float(after.memory.variance) > 0) == (relevance and kept)
+
+
+def test_models_are_compared_window_against_window(stage):
+    stage, state = stage
+    objective = stage._objective(1)
+    data = stage.data._replace(validation=stage.data.train)
+    worse = jax.tree.map(lambda x: 1.5 * x if eqx.is_inexact_array(x) else x, state.model)
+    assert data.compare(state.model, state.model, objective) == 0
+    assert data.compare(state.model, worse, objective) == -data.compare(worse, state.model, objective) != 0
+    assert stage.data._replace(validation=None).compare(state.model, worse, objective) == 0
 
 
 def test_sensitivities_that_overflow_in_single_precision_are_computed_in_double(stage, monkeypatch):
@@ -61,6 +102,6 @@ def test_sensitivities_that_overflow_in_single_precision_are_computed_in_double(
         )
 
     monkeypatch.setattr(_levenberg, "normal_equations", overflowing)
-    _, report = stage.advance(state)
+    _, report = stage.advance(stage.start(state))
     assert precisions == [jnp.float32, jnp.float64]
     assert report.loss < stage.start(state).best_loss

@@ -30,7 +30,9 @@ class TrainingConfig:
         prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
         growth_steps: Further steps in which dry and quadratic friction is free, and as many again in which the blocks'
-            networks are; kept if validation gains.
+            networks are; kept if validation gains by more than its standard error.
+        relevance_steps: Steps between the two in which every group of parameters learns a prior of its own, so that
+            noisy data use no more parameters than they determine; kept unless validation speaks against it.
     """
 
     seed: int = 0
@@ -55,6 +57,7 @@ class TrainingConfig:
     prior: float = 1.0
     patience: int = 4
     growth_steps: int = 20
+    relevance_steps: int = 40
 
     def __post_init__(self) -> None:
         """Refuse settings that cannot train.
@@ -70,6 +73,7 @@ class TrainingConfig:
             "lm_steps": 0,
             "patience": 1,
             "growth_steps": 0,
+            "relevance_steps": 0,
         }
         for name, bound in least.items():
             if getattr(self, name) < bound:

@@ -22,6 +22,7 @@ from ._adam import adam
 from ._config import TrainingConfig
 from ._flatten import cast
 from ._problem import Batch, Objective, channel_weights
+from ._relevance import MOST_PARAMETERS
 from ._run import Journal, Progress, run
 from ._scales import measure_scales, states, time_scale
 from ._stages import AbstractStage, AdamStage, Data, LevenbergStage, TrainingState
@@ -160,22 +161,32 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         data = levenberg_data(dataset, dynamics, config)
         if free:
             stages.append(LevenbergStage(data, config))
-        if config.growth_steps:
-            counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
-            freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1]]
-            stages.extend(LevenbergStage(data, config, corrections=rung) for rung in freed)
+        stages.extend(_further(dynamics, data, config))
     state = TrainingState(
         stage=0,
         step=0,
         model=dynamics,
-        optimizer=None,
+        memory=None,
         damping=config.damping,
         substeps=config.lm_substeps or 1,
         best=dynamics,
         best_loss=math.inf,
         stale=0,
+        incumbent=(dynamics, None),
     )
     return stages, state
+
+
+def _further(dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[LevenbergStage]:
+    """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks."""
+    counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
+    freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
+    stages = [LevenbergStage(data, config, corrections=rung) for rung in freed]
+    low = [rung for rung in freed if rung < RUNGS]
+    judged = max(low, default=0)
+    if config.relevance_steps and 0 < counts[judged] <= MOST_PARAMETERS:
+        stages.insert(len(low), LevenbergStage(data, config, corrections=judged, relevance=True))
+    return stages
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
+from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
 from symoden.mechanics import AbstractDynamics
@@ -39,11 +40,13 @@ class LevenbergStep(NamedTuple):
         before: Loss before the step.
         after: Loss after it; equal to `before` where every trial was rejected.
         accepted: Whether the parameters moved.
+        equations: Second-order model of the loss before the step.
     """
 
     before: float
     after: float
     accepted: bool
+    equations: NormalEquations
 
 
 def levenberg_marquardt_step(
@@ -53,13 +56,13 @@ def levenberg_marquardt_step(
     batch: Batch,
     *,
     reversible: Objective,
-    prior: float = 0.0,
+    prior: float | Float[np.ndarray, " P"] = 0.0,
+    variance: float | None = None,
 ) -> tuple[LevenbergState, LevenbergStep]:
     """Solve (JᵀJ + λ diag) δ = −Jᵀr, with λ raised until the loss falls, and lowered fivefold once it has.
 
-    The loss is the negative logarithm of the posterior under Gaussian errors, whose variance σ² is what the residuals
-    have before the step, and a Gaussian prior: mean r² + σ² `prior` ‖θ‖² / (number of residuals). Where the data are
-    exact the prior fades as the errors do.
+    The loss is the negative logarithm of the posterior under Gaussian errors of variance σ² and a Gaussian prior:
+    mean r² + σ² Σ `prior` θ² / (number of residuals). Where the data are exact the prior fades as the errors do.
 
     The way to the bottom leads along curved valleys, so a step follows the valley's bend: it is δ + a / 2 with
     (JᵀJ + λ diag) a = −Jᵀ ∂²r/∂δ², the acceleration of a geodesic on the surface of all predictions. It takes a third
@@ -71,7 +74,8 @@ def levenberg_marquardt_step(
         objective: How rollouts are compared with windows.
         batch: Windows.
         reversible: The same objective with a solver that reverse-mode differentiation reaches through.
-        prior: Precision of the prior on every parameter.
+        prior: Precision of the prior on every parameter, or on each.
+        variance: σ²; that of the residuals before the step if None.
 
     Returns:
         The state after the step, and what the step did to the mean squared residual.
@@ -85,18 +89,19 @@ def levenberg_marquardt_step(
     equations = normal_equations(restore, state.theta, objective, batch)
     if not np.isfinite(equations.matrix).all():  # Sensitivities can overflow in single precision.
         equations = normal_equations(restore, state.theta, objective, batch, precision=state.theta.dtype)
-    ridge = prior * equations.loss / equations.residuals.size
+    ridge = np.full(state.theta.size, prior * (equations.loss if variance is None else variance))
+    ridge /= equations.residuals.size
     theta = np.asarray(state.theta, float)
-    before = equations.loss + ridge * float(theta @ theta)
+    before = equations.loss + float(ridge @ theta**2)
     damping, growth = state.damping, 2.0
     for _ in range(_TRIALS):
         trial = theta + _step(equations, surface, theta, damping=damping, ridge=ridge)
         after = surface.loss(trial)
-        if after + ridge * float(trial @ trial) < before:
+        if after + float(ridge @ trial**2) < before:
             done = LevenbergState(jnp.asarray(trial, state.theta.dtype), max(damping / 5, _SMALLEST_DAMPING))
-            return done, LevenbergStep(equations.loss, after, accepted=True)
+            return done, LevenbergStep(equations.loss, after, accepted=True, equations=equations)
         damping, growth = min(damping * growth, _LARGEST_DAMPING), 2 * growth
-    rejected = LevenbergStep(equations.loss, equations.loss, accepted=False)
+    rejected = LevenbergStep(equations.loss, equations.loss, accepted=False, equations=equations)
     return LevenbergState(state.theta, damping), rejected
 
 
@@ -127,7 +132,7 @@ class _Surface(NamedTuple):
 
 
 def _step(
-    equations: NormalEquations, surface: _Surface, theta: np.ndarray, *, damping: float, ridge: float
+    equations: NormalEquations, surface: _Surface, theta: np.ndarray, *, damping: float, ridge: np.ndarray
 ) -> np.ndarray:
     """Damped Gauss-Newton step and half its acceleration; NaN where the equations have no solution."""
     diagonal = np.diag(equations.matrix) + ridge

@@ -8,6 +8,7 @@ from typing import NamedTuple, final
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 import optax
 from jaxtyping import PyTree
 
@@ -18,8 +19,9 @@ from symoden.mechanics import AbstractDynamics
 from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
-from ._levenberg_marquardt import LevenbergState, levenberg_marquardt_step
-from ._problem import Batch, Objective, evaluate_loss, integration_error
+from ._levenberg_marquardt import LevenbergState, LevenbergStep, levenberg_marquardt_step
+from ._problem import Batch, Objective, evaluate_loss, evaluate_residuals, integration_error
+from ._relevance import Relevance
 
 DIVERGED = "diverged; the best model before was kept"
 
@@ -27,6 +29,7 @@ _CHUNK = 200
 _MOST_SUBSTEPS = 16
 _EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
 _EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
+_SETTLED = 0.01  # Relative change of the number of effective parameters in a step that counts as none.
 _STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
 
 
@@ -37,23 +40,25 @@ class TrainingState(NamedTuple):
         stage: Index of the stage in progress.
         step: Steps done in this stage.
         model: The model now.
-        optimizer: Adam's memory; None in other stages.
+        memory: What the stage remembers from step to step: Adam's moments, learned priors, or None.
         damping: Levenberg-Marquardt's damping.
         substeps: RK4 steps in each sampling interval in Levenberg-Marquardt.
         best: The model with the least validation loss.
         best_loss: That loss.
         stale: Steps since it was found.
+        incumbent: The best model before this stage, and what was remembered then.
     """
 
     stage: int
     step: int
     model: AbstractDynamics
-    optimizer: PyTree
+    memory: PyTree
     damping: float
     substeps: int
     best: AbstractDynamics
     best_loss: float
     stale: int
+    incumbent: tuple[AbstractDynamics, PyTree]
 
 
 class Report(NamedTuple):
@@ -88,6 +93,26 @@ class Data(NamedTuple):
     def validation_loss(self, model: AbstractDynamics, objective: Objective) -> float | None:
         """Loss on the validation windows, if there are any."""
         return None if self.validation is None else evaluate_loss(model, objective, self.validation)
+
+    def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: Objective) -> float:
+        """By how many standard errors the validation loss of a model is above that of another; 0 without such data.
+
+        Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
+        of Breiman et al., 1984).
+
+        Returns:
+            Mean of the differences, window against window, relative to its standard error.
+        """
+        if self.validation is None:
+            return 0.0
+        losses = [
+            np.mean(np.asarray(evaluate_residuals(each, objective, self.validation), float) ** 2, axis=(1, 2))
+            for each in (model, other)
+        ]
+        with np.errstate(invalid="ignore"):
+            difference = losses[0] - losses[1]
+            error = np.std(difference, ddof=1) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
+            return float(np.mean(difference) / max(float(error), np.finfo(float).tiny))
 
 
 class AbstractStage(abc.ABC):
@@ -147,17 +172,18 @@ class AdamStage(AbstractStage):
         dtype = self.data.train.q.dtype
         model = cast(self.fresh, dtype)
         memory = self.optimizer.init(eqx.filter(model, trainable(model, corrections=0)))
-        return state._replace(step=0, model=model, best=cast(state.best, dtype), optimizer=memory)
+        best = cast(state.best, dtype)
+        return state._replace(step=0, model=model, best=best, incumbent=(best, None), memory=memory)
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
         free, fixed = eqx.partition(state.model, trainable(state.model, corrections=0))
         steps = min(_CHUNK, self.steps - state.step)
-        before = AdamState(free, state.optimizer, jnp.asarray(state.step))
+        before = AdamState(free, state.memory, jnp.asarray(state.step))
         after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self.optimizer, steps=steps)
         model = eqx.combine(after.free, fixed)
         validation = self.data.validation_loss(model, self.data.objective)
-        state = state._replace(step=state.step + steps, model=model, optimizer=after.optimizer)
+        state = state._replace(step=state.step + steps, model=model, memory=after.optimizer)
         loss = float(jnp.mean(losses))
         if not math.isfinite(loss):
             return state._replace(model=state.best), Report(loss, validation, finished=True, outcome=DIVERGED)
@@ -187,20 +213,24 @@ class LevenbergStage(AbstractStage):
         config: Settings.
         corrections: Up to which rung corrections are free: none, those of friction, all. A stage that frees some is
             skipped where nothing is left to explain.
+        relevance: Learn the priors too. What comes of it is kept unless validation speaks against it.
     """
 
     data: Data
     config: TrainingConfig
     corrections: int = 0
+    relevance: bool = False
 
     @property
     def name(self) -> str:
         """What reports call it."""
-        return ("levenberg-marquardt", "friction", "growth")[self.corrections]
+        return "relevance" if self.relevance else ("levenberg-marquardt", "friction", "growth")[self.corrections]
 
     @property
     def steps(self) -> int:
         """Largest number of steps."""
+        if self.relevance:
+            return self.config.relevance_steps
         return self.config.growth_steps if self.corrections else self.config.lm_steps
 
     def start(self, state: TrainingState) -> TrainingState:
@@ -208,13 +238,22 @@ class LevenbergStage(AbstractStage):
         best = cast(state.best, self.data.train.q.dtype)
         judged = self.data.train if self.data.validation is None else self.data.validation
         loss = evaluate_loss(best, self._objective(state.substeps), judged)
+        known = isinstance(state.memory, Relevance)
+        priors = state.memory if known else Relevance.start(best, self.config.prior)
         return state._replace(
-            step=0, model=best, best=best, best_loss=loss, optimizer=None, damping=self.config.damping, stale=0
+            step=0,
+            model=best,
+            best=best,
+            incumbent=(best, priors),
+            best_loss=loss,
+            memory=priors,
+            damping=self.config.damping,
+            stale=0,
         )
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
-        if self.corrections and self._is_below(_EXPLAINED, state):
+        if (self.corrections or self.relevance) and self._is_below(_EXPLAINED, state):
             return state, Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
         substeps = self._refined(state)
         objective = self._objective(substeps)
@@ -225,10 +264,13 @@ class LevenbergStage(AbstractStage):
             objective,
             self.data.train,
             reversible=self._objective(substeps, reversible=True),
-            prior=self.config.prior,
+            prior=state.memory.precisions(state.model, self.corrections),
+            variance=float(state.memory.variance) or None,
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
+        if self.relevance:
+            return self._learned(state, model, after, step, validation, substeps)
         judged = step.after if validation is None else validation
         better = judged < state.best_loss
         falling = step.accepted and step.after < (1 - _STALLED) * step.before
@@ -241,7 +283,51 @@ class LevenbergStage(AbstractStage):
             best_loss=judged if better else state.best_loss,
             stale=0 if better and falling else state.stale + 1,
         )
-        return state, Report(step.after, validation, *self._ended(state))
+        ended, outcome = self._ended(state)
+        if ended and self.corrections and self.data.validation is not None:
+            state = self._defended(state, kept=self.data.compare(state.best, state.incumbent[0], objective) < -1)
+        return state, Report(step.after, validation, ended, outcome)
+
+    def _learned(
+        self,
+        state: TrainingState,
+        model: AbstractDynamics,
+        after: LevenbergState,
+        step: LevenbergStep,
+        validation: float | None,
+        substeps: int,
+    ) -> tuple[TrainingState, Report]:
+        """Learn the priors from a step; after the last one, choose between what came of it and what was before."""
+        _, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        at = state.model, self.corrections
+        priors = state.memory.learn(step.equations, np.asarray(theta, float), *at)
+        change = math.inf
+        if state.memory.variance > 0:
+            change = priors.effective(step.equations, *at) / state.memory.effective(step.equations, *at) - 1
+        state = state._replace(
+            step=state.step + 1,
+            model=model,
+            memory=priors,
+            damping=after.damping,
+            substeps=substeps,
+            stale=state.stale + 1 if abs(change) < _SETTLED else 0,
+        )
+        ended, outcome = self._ended(state)
+        if ended:
+            objective = self._objective(substeps)
+            judged = step.after if validation is None else validation
+            state = state._replace(best=model, best_loss=judged)
+            state = self._defended(state, kept=self.data.compare(model, state.incumbent[0], objective) <= 1)
+        return state, Report(step.after, validation, ended, outcome)
+
+    def _defended(self, state: TrainingState, *, kept: bool) -> TrainingState:
+        """State at the end of the stage: as it is, or as it was before."""
+        if kept:
+            return state
+        best, memory = state.incumbent
+        judged = self.data.train if self.data.validation is None else self.data.validation
+        loss = evaluate_loss(best, self._objective(state.substeps), judged)
+        return state._replace(best=best, best_loss=loss, memory=memory)
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
         """Whether the stage is over, and why."""

@@ -1,0 +1,160 @@
+"""Automatic relevance determination: every group of parameters has a prior of its own, as wide as the data want it."""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+from threadpoolctl import threadpool_limits
+
+from symoden.blocks import trainable
+
+from ._gauss_newton import NormalEquations
+
+MOST_PARAMETERS: Final = 600  # The covariance is inverted some times in every step.
+
+_INNER: Final = 20
+_LARGEST_CHANGE: Final = 10.0
+_PRECISIONS: Final = (1e-6, 1e8)
+_LEAST_FREEDOM: Final = 0.5  # Share of the independent residuals that fitting may use up at most.
+
+
+class Relevance(NamedTuple):
+    """Gaussian priors about zero.
+
+    Attributes:
+        precision: λ of every parameter, as a tree like all that can be free in the model.
+        variance: Of the residuals, times their design effect: what one independent residual would have. Zero as long as
+            it is not known.
+    """
+
+    precision: PyTree
+    variance: Float[Array, ""]
+
+    @classmethod
+    def start(cls, model: PyTree, prior: float) -> "Relevance":
+        """Priors of equal width before anything is known.
+
+        Args:
+            model: Model.
+            prior: Precision of each.
+
+        Returns:
+            The priors.
+        """
+        free = eqx.filter(model, trainable(model))
+        return cls(jax.tree.map(lambda x: jnp.full(x.shape, prior, float), free), jnp.zeros((), float))
+
+    def precisions(self, model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
+        """The precisions as a vector, in the order of the flat parameters.
+
+        Args:
+            model: Model.
+            corrections: Up to which rung its corrections are free.
+
+        Returns:
+            The vector.
+        """
+        chosen = eqx.filter(self.precision, trainable(model, corrections=corrections))
+        return np.concatenate([np.asarray(leaf).ravel() for leaf in jax.tree.leaves(chosen)])
+
+    def learn(
+        self, equations: NormalEquations, theta: Float[np.ndarray, " P"], model: PyTree, corrections: int
+    ) -> "Relevance":
+        """Widen the priors of what the data ask for and narrow the others, towards the largest evidence.
+
+        With Σ = (JᵀJ / σ² + Λ)⁻¹ and the θ̂ that is best for the Λ at hand, both of the model linearised at θ,
+        expectation maximisation sets λ = n / (‖θ̂‖² + tr Σ) for each group of n parameters.
+        Residuals of one window are not independent; σ² is their variance times the factor by which the windows' scores
+        vary more than independent residuals would make them, the design effect.
+
+        Parameters of formulas keep the priors that they have: about zero is about the guess that a user gave.
+
+        Args:
+            equations: Gauss-Newton's equations at θ.
+            theta: θ.
+            model: Model.
+            corrections: Up to which rung its corrections are free.
+
+        Returns:
+            The priors, none of them changed by more than a factor of ten.
+
+        References:
+            MacKay (1992), *Bayesian interpolation*; Tipping (2001), *Sparse Bayesian learning and the relevance vector
+            machine*: groups of one; Kish (1965), *Survey sampling*: the design effect.
+        """
+        chosen, rest = eqx.partition(self.precision, trainable(model, corrections=corrections))
+        paths, structure = jax.tree.flatten_with_path(chosen)
+        shapes = [leaf.shape for _, leaf in paths]
+        given = [jax.tree_util.keystr(path).startswith(".parameters") for path, _ in paths]
+        groups = parameter_groups(shapes)
+        sizes = np.bincount(groups)
+        held = np.concatenate([np.full(shape[:1] or 1, fixed) for shape, fixed in zip(shapes, given, strict=True)])
+        variance = float(self.variance) or independent_variance(equations)
+        squares = equations.matrix * (equations.residuals.size / variance)
+        pull = squares @ theta - equations.gradient * (equations.residuals.size / variance)
+        before = np.bincount(groups, self.precisions(model, corrections)) / sizes
+        low, high = (np.clip(before * factor, *_PRECISIONS) for factor in (1 / _LARGEST_CHANGE, _LARGEST_CHANGE))
+        precision = before
+        with threadpool_limits(1, user_api="blas"):
+            for _ in range(_INNER):
+                covariance = np.linalg.inv(squares + np.diag(precision[groups]))
+                best = covariance @ pull
+                wanted = sizes / np.bincount(groups, best**2 + np.diag(covariance))
+                precision = np.where(held, before, np.clip(np.sqrt(precision * wanted), low, high))
+        if not np.isfinite(precision).all():
+            return self
+        ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
+        parts = zip(np.split(precision[groups], ends), shapes, strict=True)
+        learned = jax.tree.unflatten(structure, [jnp.asarray(part.reshape(shape), float) for part, shape in parts])
+        return Relevance(eqx.combine(learned, rest), jnp.asarray(variance, float))
+
+    def effective(self, equations: NormalEquations, model: PyTree, corrections: int) -> float:
+        """Number of parameters that the data, rather than the priors, determine.
+
+        Args:
+            equations: Gauss-Newton's equations.
+            model: Model.
+            corrections: Up to which rung its corrections are free.
+
+        Returns:
+            P − tr(Λ Σ).
+        """
+        squares = equations.matrix * (equations.residuals.size / float(self.variance))
+        return float(np.trace(np.linalg.solve(squares + np.diag(self.precisions(model, corrections)), squares)))
+
+
+def independent_variance(equations: NormalEquations) -> float:
+    """Variance of the residuals times their design effect, what fitting has used up allowed for.
+
+    Args:
+        equations: Gauss-Newton's equations.
+
+    Returns:
+        The variance that each of fewer, independent residuals would have.
+    """
+    size, loss = equations.residuals.size, equations.loss
+    inverse = np.linalg.inv(equations.matrix + np.eye(len(equations.matrix)) * loss / size)
+    fitted = float(np.trace(inverse @ equations.matrix))
+    effect = max(1.0, float(np.trace(inverse @ equations.spread)) / (size * fitted * loss))
+    return effect * loss / max(_LEAST_FREEDOM, 1 - fitted * effect / size)
+
+
+def parameter_groups(shapes: Sequence[tuple[int, ...]]) -> Int[np.ndarray, " P"]:
+    """Which parameters share a prior: those of a row of a matrix, such as a product's in all outputs.
+
+    Args:
+        shapes: Shapes of the model's free arrays.
+
+    Returns:
+        Number of its group for every parameter.
+    """
+    groups, first = [], 0
+    for shape in shapes:
+        rows = shape[0] if shape else 1
+        groups.append(first + np.repeat(np.arange(rows), int(np.prod(shape[1:]))))
+        first += rows
+    return np.concatenate(groups)

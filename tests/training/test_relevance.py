@@ -1,0 +1,100 @@
+"""Learned priors: what the data do not ask for is narrowed to nothing, what they do is left alone."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.blocks import RUNGS, count_parameters
+from symoden.known import KnownParts
+from symoden.models import build
+from symoden.spaces import Space
+from symoden.training._flatten import Flattening
+from symoden.training._gauss_newton import NormalEquations
+from symoden.training._relevance import Relevance, independent_variance, parameter_groups
+
+WINDOWS, ROWS = 100, 10
+
+
+def equations_of(theta, *, copies=1, seed=0):
+    """Equations of a linear regression y = X θ* + noise, in which every row stands `copies` times in its window."""
+    generator = np.random.default_rng(seed)
+    X = np.repeat(generator.standard_normal((WINDOWS, ROWS, len(theta))), copies, axis=1)
+    true = np.zeros(len(theta))
+    true[:2] = (3.0, -2.0)
+    noise = np.repeat(0.5 * generator.standard_normal((WINDOWS, ROWS)), copies, axis=1)
+    r = X @ (theta - true) - noise
+    scores = np.einsum("wrp,wr->wp", X, r)
+    flat = X.reshape(-1, len(theta))
+    return NormalEquations(flat.T @ flat / r.size, scores.sum(axis=0) / r.size, r, scores.T @ scores)
+
+
+def linear(size):
+    """A model that is a vector, every entry with a prior of its own, and its priors."""
+    model = jnp.zeros(size)
+    return Relevance.start(model, 1.0), (model, 0)
+
+
+@pytest.mark.parametrize("copies", [1, 8])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_does_not_matter_is_narrowed_away(copies, seed):
+    found, model = linear(12)
+    first = equations_of(np.zeros(12), copies=copies, seed=seed)
+    theta = -np.linalg.solve(first.matrix, first.gradient)  # The least squares, which fit the noise.
+    equations = first
+    for _ in range(40):
+        equations = equations_of(theta, copies=copies, seed=seed)
+        found = found.learn(equations, theta, *model)
+        ridge = found.precisions(*model) * float(found.variance) / equations.residuals.size
+        step = np.linalg.solve(equations.matrix + np.diag(ridge), equations.gradient + ridge * theta)
+        theta = theta - step
+    np.testing.assert_allclose(theta[:2], [3.0, -2.0], atol=0.1)
+    assert np.all(found.precisions(*model)[:2] < 1)
+    wide = Relevance(jnp.full(12, 1e-6), found.variance)
+    assert 2 <= found.effective(equations, *model) < 6 < wide.effective(equations, *model)
+    assert np.sum(found.precisions(*model)[2:] > 1e3) >= 6
+
+
+def test_the_variance_counts_what_is_independent():
+    theta = np.array([3.0, -2.0, 0.0])
+    plain, copied = (independent_variance(equations_of(theta, copies=copies)) for copies in (1, 8))
+    assert plain == pytest.approx(0.25, rel=0.2)
+    assert copied == pytest.approx(8 * 0.25, rel=0.2)
+
+
+def test_no_prior_changes_by_more_than_a_factor_of_ten():
+    before, model = linear(12)
+    after = before.learn(equations_of(np.zeros(12)), np.zeros(12), *model)
+    ratio = after.precisions(*model) / before.precisions(*model)
+    assert np.all((ratio >= 0.1 - 1e-12) & (ratio <= 10 + 1e-9))
+    assert float(after.variance) > 0
+
+
+def test_equations_that_are_not_finite_teach_nothing():
+    equations = equations_of(np.zeros(3))
+    broken = equations._replace(gradient=np.full(3, np.nan))
+    start, model = linear(3)
+    known = start._replace(variance=jnp.ones(()))
+    assert known.learn(broken, np.zeros(3), *model) is known
+
+
+def test_rows_and_entries_share_priors():
+    assert parameter_groups([(2, 3), (2,), ()]).tolist() == [0, 0, 0, 1, 1, 1, 2, 3, 4]
+
+
+def test_priors_are_in_the_order_of_the_parameters_on_every_rung(small):
+    model = build(small, Space.parse("T2"), 2, key=jax.random.key(0))
+    start = Relevance.start(model, 2.0)
+    for corrections in range(RUNGS + 1):
+        _, theta = Flattening.of(model, corrections=corrections)
+        assert start.precisions(model, corrections).tolist() == [2.0] * theta.size
+
+
+def test_only_what_is_free_learns_and_guesses_of_a_user_stay_as_they_are(small):
+    known = KnownParts(potential_energy="w*cos(q1)", parameters={"w": 2.0})
+    model = build(small, Space.parse("T2"), 2, known=known, key=jax.random.key(0))
+    _, theta = Flattening.of(model, corrections=1)
+    found = Relevance.start(model, 2.0).learn(equations_of(np.zeros(theta.size)), np.asarray(theta), model, 1)
+    assert [leaf.tolist() for leaf in jax.tree.leaves(found.precision.parameters)] == [[2.0]]
+    assert np.sum(found.precisions(model, 1) == 2.0) == 1
+    assert np.sum(found.precisions(model, 2) == 2.0) == 1 + count_parameters(model) - theta.size
