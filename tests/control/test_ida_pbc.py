@@ -1,5 +1,7 @@
 """IDA-PBC: what the closed loop's energy does, whatever K and V_d are, and what it is with the conditions solved."""
 
+from typing import Any
+
 import equinox as eqx
 import hypothesis.strategies as st
 import jax
@@ -135,7 +137,7 @@ def test_the_unit_of_momentum_changes_no_input(beta):
         input_matrix=[[1], [0]],
         dissipation_matrix=[[0.1, 0], [0, 0.05]],
     )
-    model = build(ModelConfig(), CART_POLE.space, 1, known=parts, key=jax.random.key(0))
+    model: Any = build(ModelConfig(), CART_POLE.space, 1, known=parts, key=jax.random.key(0))
     q, v = jnp.array([0.1, 0.2]), jnp.array([0.2, -0.3])
     u, other = (IdaPbc.of(each, [0.0, 0.0])(q, v) for each in (model, rescale(model, beta)))
     np.testing.assert_allclose(u, other, rtol=1e-6)
