@@ -32,7 +32,7 @@ class Bar:
         method: How.
         limit: Largest input; the machine's own if None.
         duration: Length of an episode [s].
-        least: Successes of 100 that are asked for.
+        least: Successes of 100 that are asked for; 0 if none are.
         naive: Whether a regulator on the naive model's linearisation does the same.
     """
 
@@ -133,7 +133,7 @@ def table(rows: dict[str, dict]) -> str:
         cells = [_cell(rows.get(_key(bar.name, model, loop))) for model in MODELS for loop in LOOPS]
         mine = rows.get(_key(bar.name, "learned", "clean"), {})
         time = f"{mine['controller_ms']:.3f}" if "controller_ms" in mine else ""
-        lines.append(f"| {bar.name} | {bar.least} | {' | '.join(cells)} | {time} |")
+        lines.append(f"| {bar.name} | {bar.least or ''} | {' | '.join(cells)} | {time} |")
     return "\n".join(lines)
 
 
