@@ -18,6 +18,7 @@ from symoden.control._matching import annihilator, unactuated
 from symoden.control._motion import friction_matrix
 from symoden.known import KnownParts
 from symoden.models import ModelConfig, build, rescale
+from symoden.spaces import Space
 from symoden.systems import CartPole
 
 from .conftest import ACROBOT, CART_POLE, FREE_CART_POLE, FULL_CART_POLE, rate_of
@@ -177,12 +178,29 @@ def test_the_linear_conditions_hold_and_cost_what_a_lyapunov_equation_says(syste
     assert gains.cost == pytest.approx(np.trace(cost @ unit) / np.trace(np.asarray(regulator.cost) @ unit), rel=1e-6)
 
 
+@pytest.mark.parametrize(("name", "system"), [("cart-pole", CART_POLE), ("acrobot", ACROBOT)])
+def test_near_the_target_it_is_the_linear_feedback_whose_cost_was_least(name, system):
+    controller, rest = SOLVED[name], jnp.zeros(2)
+    goal = controller.target
+    linear = LinearMatching.of(system, goal, 15.0)
+    P = np.asarray(jax.hessian(controller.desired_potential)(goal))
+    np.testing.assert_allclose(P @ np.asarray(controller.field(goal)), linear.load, rtol=1e-6, atol=1e-8)
+    K, M, g = (np.asarray(part(goal)) for part in (controller.inertia, system.mass_matrix, system.input_matrix))
+    by_q, by_v = jax.jacfwd(controller, argnums=(0, 1))(goal, rest)
+    wanted = np.linalg.pinv(g) @ (-M @ linear.A[2:, :2] - M @ np.linalg.solve(K, P))
+    np.testing.assert_allclose(by_q, wanted, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(by_v, -np.asarray(controller.damping) @ g.T @ np.linalg.solve(M, K), rtol=1e-6)
+
+
 def test_other_mechanisms_and_targets_are_refused():
+    passive: Any = build(ModelConfig(), Space.parse("T1"), 0, key=jax.random.key(0))
     with pytest.raises(ValueError, match="has 2 coordinates and 2 inputs"):
         IdaPbc.of(FULL_CART_POLE, [0.0, 0.0])
+    with pytest.raises(ValueError, match="has 1 coordinates and 0 inputs"):
+        IdaPbc.of(passive, [0.0])
     with pytest.raises(ValueError, match=r"must be an equilibrium; at \[0.0, 0.3\]"):
         IdaPbc.of(CART_POLE, [0.0, 0.3])
     with pytest.raises(ValueError, match="proportional to the inertia there"):
         IdaPbc.of(CartPole(gravity=0.0), [0.0, 0.0])
-    with pytest.raises(ValueError, match="Choose a smaller `reach`"):
+    with pytest.raises(ValueError, match="with a smaller `reach`"):
         IdaPbc.of(CART_POLE, [0.0, 0.0], reach=1.6)

@@ -88,6 +88,10 @@ def test_models_are_compared_window_against_window(stage):
     assert data.compare(state.model, state.model, objective) == 0
     assert data.compare(state.model, worse, objective) == -data.compare(worse, state.model, objective) != 0
     assert stage.data._replace(validation=None).compare(state.model, worse, objective) == 0
+    assert data._replace(validation=stage.data.train.take(slice(0, 1))).compare(state.model, worse, objective) == 0
+    lost = jax.tree.map(lambda x: jnp.nan * x if eqx.is_inexact_array(x) else x, state.model)
+    assert data.compare(lost, worse, objective) == np.inf
+    assert data.compare(worse, lost, objective) == -np.inf
 
 
 def test_sensitivities_that_overflow_in_single_precision_are_computed_in_double(stage, monkeypatch):

@@ -94,14 +94,14 @@ class IdaPbc(AbstractController):
             reach: Distance of every angle from the target up to which the conditions are solved [rad].
 
         Returns:
-            The controller.
+            The controller; its `matching()` says how well the conditions hold.
 
         Raises:
             ValueError: If there is not one coordinate more than inputs, the target is no equilibrium, or no solution
                 with positive K and V_d was found in the region.
         """
         n, m = model.space.size, model.inputs
-        if n != m + 1:
+        if m < 1 or n != m + 1:
             raise ValueError(
                 f"IDA-PBC is for mechanisms of one coordinate more than inputs; the model has {n} coordinates and "
                 f"{m} inputs. Use energy shaping where every coordinate has an input."
@@ -244,5 +244,6 @@ def _best(linear: LinearMatching, conditions: Collocation) -> tuple[Gains, Expan
         if np.isfinite(gains.cost) and conditions.values(shape)[1:].min() > 0:
             return gains, field, shape
     raise ValueError(
-        "No positive K and V_d that match were found about the target. Choose a smaller `reach`, or use swing-up."
+        "No positive K and V_d that match were found about the target. Use swing-up, or `IdaPbc.of` "
+        "with a smaller `reach`."
     )

@@ -27,7 +27,8 @@ class TrainingConfig:
         lm_horizon: Steps that Levenberg-Marquardt predicts; chosen from the data's time scale if None.
         lm_substeps: RK4 steps in each sampling interval then; chosen by their error if None.
         damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
-        prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance.
+        prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance; where priors are
+            learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
         growth_steps: Further steps in which dry and quadratic friction is free, and as many again in which the blocks'
             networks are; kept if validation gains by more than its standard error.
@@ -57,7 +58,7 @@ class TrainingConfig:
     prior: float = 1.0
     patience: int = 4
     growth_steps: int = 20
-    relevance_steps: int = 40
+    relevance_steps: int = 60
 
     def __post_init__(self) -> None:
         """Refuse settings that cannot train.

@@ -41,10 +41,10 @@ class FitResult:
     """A trained model and how it came about.
 
     Attributes:
-        model: The model with the least validation loss.
+        model: The best model, by its validation loss and its size.
         outcome: How training ended, in words.
         completed: Whether every stage came to its end.
-        loss: Least loss on the validation data (on the training data without them).
+        loss: Its loss on the validation data (on the training data without them).
         seconds: Time spent [s], earlier runs included.
     """
 
@@ -178,7 +178,14 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
 
 
 def _further(dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[LevenbergStage]:
-    """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks."""
+    """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks.
+
+    Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
+    narrowed.
+
+    Returns:
+        The stages.
+    """
     counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
     freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
     stages = [LevenbergStage(data, config, corrections=rung) for rung in freed]

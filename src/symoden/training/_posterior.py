@@ -79,6 +79,9 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
     (the sandwich of Huber and White, by windows). σ² is the larger of the mean squared residuals on the training and
     on the validation data: a model that follows its training data more closely than others is not more certain.
 
+    Priors that training has learned are left out: what they narrowed to nothing counts as open again, so that bands are
+    rather too wide than too narrow where the data say little.
+
     Args:
         model: What `fit` found.
         dataset: What it was fitted to.

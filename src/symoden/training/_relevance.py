@@ -19,6 +19,7 @@ MOST_PARAMETERS: Final = 600  # The covariance is inverted some times in every s
 _INNER: Final = 20
 _LARGEST_CHANGE: Final = 10.0
 _PRECISIONS: Final = (1e-6, 1e8)
+_LEAST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
 _LEAST_FREEDOM: Final = 0.5  # Share of the independent residuals that fitting may use up at most.
 
 
@@ -67,7 +68,8 @@ class Relevance(NamedTuple):
         """Widen the priors of what the data ask for and narrow the others, towards the largest evidence.
 
         With Σ = (JᵀJ / σ² + Λ)⁻¹ and the θ̂ that is best for the Λ at hand, both of the model linearised at θ,
-        expectation maximisation sets λ = n / (‖θ̂‖² + tr Σ) for each group of n parameters.
+        expectation maximisation sets λ = n / (‖θ̂‖² + tr Σ) for each group of n parameters (here the geometric mean with
+        the λ before, which is smoother). From a handful of windows nothing is learned.
         Residuals of one window are not independent; σ² is their variance times the factor by which the windows' scores
         vary more than independent residuals would make them, the design effect.
 
@@ -86,6 +88,8 @@ class Relevance(NamedTuple):
             MacKay (1992), *Bayesian interpolation*; Tipping (2001), *Sparse Bayesian learning and the relevance vector
             machine*: groups of one; Kish (1965), *Survey sampling*: the design effect.
         """
+        if len(equations.residuals) < _LEAST_WINDOWS:
+            return self
         chosen, rest = eqx.partition(self.precision, trainable(model, corrections=corrections))
         paths, structure = jax.tree.flatten_with_path(chosen)
         shapes = [leaf.shape for _, leaf in paths]
@@ -98,7 +102,7 @@ class Relevance(NamedTuple):
         pull = squares @ theta - equations.gradient * (equations.residuals.size / variance)
         before = np.bincount(groups, self.precisions(model, corrections)) / sizes
         low, high = (np.clip(before * factor, *_PRECISIONS) for factor in (1 / _LARGEST_CHANGE, _LARGEST_CHANGE))
-        precision = before
+        precision = np.where(held, before, np.clip(before, *_PRECISIONS))
         with threadpool_limits(1, user_api="blas"):
             for _ in range(_INNER):
                 covariance = np.linalg.inv(squares + np.diag(precision[groups]))
@@ -136,10 +140,12 @@ def independent_variance(equations: NormalEquations) -> float:
     Returns:
         The variance that each of fewer, independent residuals would have.
     """
-    size, loss = equations.residuals.size, equations.loss
+    size, loss, windows = equations.residuals.size, equations.loss, len(equations.residuals)
     inverse = np.linalg.inv(equations.matrix + np.eye(len(equations.matrix)) * loss / size)
     fitted = float(np.trace(inverse @ equations.matrix))
-    effect = max(1.0, float(np.trace(inverse @ equations.spread)) / (size * fitted * loss))
+    # At the optimum the scores sum to zero, which takes one window's worth from their variance.
+    scores = float(np.trace(inverse @ equations.spread)) * windows / (windows - 1)
+    effect = max(1.0, scores / (size * fitted * loss))
     return effect * loss / max(_LEAST_FREEDOM, 1 - fitted * effect / size)
 
 

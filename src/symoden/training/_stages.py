@@ -29,7 +29,7 @@ _CHUNK = 200
 _MOST_SUBSTEPS = 16
 _EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
 _EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
-_SETTLED = 0.01  # Relative change of the number of effective parameters in a step that counts as none.
+_SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
 _STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
 
 
@@ -43,9 +43,9 @@ class TrainingState(NamedTuple):
         memory: What the stage remembers from step to step: Adam's moments, learned priors, or None.
         damping: Levenberg-Marquardt's damping.
         substeps: RK4 steps in each sampling interval in Levenberg-Marquardt.
-        best: The model with the least validation loss.
+        best: The best model, by its validation loss.
         best_loss: That loss.
-        stale: Steps since it was found.
+        stale: Steps without a gain; while priors are learned, those that changed nothing.
         incumbent: The best model before this stage, and what was remembered then.
     """
 
@@ -95,7 +95,7 @@ class Data(NamedTuple):
         return None if self.validation is None else evaluate_loss(model, objective, self.validation)
 
     def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: Objective) -> float:
-        """By how many standard errors the validation loss of a model is above that of another; 0 without such data.
+        """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.
 
         Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
         of Breiman et al., 1984).
@@ -103,16 +103,19 @@ class Data(NamedTuple):
         Returns:
             Mean of the differences, window against window, relative to its standard error.
         """
-        if self.validation is None:
+        if self.validation is None or self.validation.ts.shape[0] == 1:
             return 0.0
-        losses = [
-            np.mean(np.asarray(evaluate_residuals(each, objective, self.validation), float) ** 2, axis=(1, 2))
-            for each in (model, other)
-        ]
-        with np.errstate(invalid="ignore"):
-            difference = losses[0] - losses[1]
-            error = np.std(difference, ddof=1) / np.sqrt(len(difference)) if len(difference) > 1 else 0.0
-            return float(np.mean(difference) / max(float(error), np.finfo(float).tiny))
+        with np.errstate(over="ignore", invalid="ignore"):
+            here, there = (
+                np.mean(np.asarray(evaluate_residuals(each, objective, self.validation), float) ** 2, axis=(1, 2))
+                for each in (model, other)
+            )
+        if not np.isfinite(here).all():
+            return math.inf
+        if not np.isfinite(there).all():
+            return -math.inf
+        error = float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
+        return float(np.mean(here - there)) / max(error, float(np.finfo(float).tiny))
 
 
 class AbstractStage(abc.ABC):
@@ -253,7 +256,7 @@ class LevenbergStage(AbstractStage):
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
-        if (self.corrections or self.relevance) and self._is_below(_EXPLAINED, state):
+        if state.step == 0 and (self.corrections or self.relevance) and self._is_below(_EXPLAINED, state):
             return state, Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
         substeps = self._refined(state)
         objective = self._objective(substeps)
@@ -265,7 +268,7 @@ class LevenbergStage(AbstractStage):
             self.data.train,
             reversible=self._objective(substeps, reversible=True),
             prior=state.memory.precisions(state.model, self.corrections),
-            variance=float(state.memory.variance) or None,
+            variance=float(state.memory.variance) or None if self.relevance else None,  # Else it fades with the loss.
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
@@ -331,12 +334,17 @@ class LevenbergStage(AbstractStage):
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
         """Whether the stage is over, and why."""
-        if self._is_below(_EXACT, state):
+        if self._is_below(self._enough, state):
             return True, "nothing left to explain"
         if state.stale >= self.config.patience:
             return True, "converged"
         finished = state.step >= self.steps
         return finished, "all steps taken" if finished else ""
+
+    @property
+    def _enough(self) -> float:
+        """Loss below which nothing is left to do: more need not be set free long before a model is exact."""
+        return _EXPLAINED if self.corrections or self.relevance else _EXACT
 
     def _is_below(self, bound: float, state: TrainingState) -> bool:
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
