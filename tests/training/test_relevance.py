@@ -11,7 +11,7 @@ from symoden.models import build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import NormalEquations
-from symoden.training._relevance import Relevance, independent_variance, parameter_groups
+from symoden.training._relevance import Relevance, free_scale, independent_variance, parameter_groups
 
 WINDOWS, ROWS = 100, 10
 
@@ -119,3 +119,25 @@ def test_only_what_is_free_learns_and_guesses_of_a_user_stay_as_they_are(small):
     assert [leaf.tolist() for leaf in jax.tree.leaves(found.precision.parameters)] == [[2.0]]
     assert np.sum(found.precisions(model, 1) == 2.0) == 1
     assert np.sum(found.precisions(model, 2) == 2.0) == 1 + count_parameters(model) - theta.size
+
+
+def test_what_is_pinned_stays_in_that_direction_alone():
+    equations = equations_of(np.zeros(3))
+    direction = np.array([1.0, 2.0, 0.0])
+    pinned = equations.pinned(direction)
+    step = -np.linalg.solve(pinned.matrix, pinned.gradient)
+    assert abs(direction @ step) < 1e-6
+    assert step[2] == pytest.approx(-np.linalg.solve(equations.matrix, equations.gradient)[2], abs=0.1)
+
+
+def test_the_scale_is_free_where_only_velocities_were_measured(small):
+    q = jnp.linspace(-1, 1, 6).reshape(3, 2)
+    model = build(small, Space.parse("T2"), 2, key=jax.random.key(0))
+    restore, theta = Flattening.of(model, corrections=1)
+    direction = free_scale(model, restore, theta, q)
+    assert direction is not None
+    assert np.linalg.norm(direction) > 0
+    known = build(small, Space.parse("T2"), 2, input_matrix=np.eye(2), key=jax.random.key(0))
+    assert free_scale(known, *Flattening.of(known, corrections=1), q) is None
+    momenta = build(small, Space.parse("T2"), 2, momenta=True, key=jax.random.key(0))
+    assert free_scale(momenta, *Flattening.of(momenta, corrections=1), q) is None

@@ -12,6 +12,7 @@ from symoden.blocks import RUNGS
 from symoden.models import build
 from symoden.spaces import Space
 from symoden.training import _fit, _levenberg_marquardt as _levenberg
+from symoden.training._relevance import Relevance
 from symoden.training._stages import LevenbergStage, TrainingState
 
 
@@ -78,6 +79,22 @@ def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_agains
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
     assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)
     assert (float(after.memory.variance) > 0) == (relevance and kept)
+
+
+def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):
+    stage, state = stage
+    relevance = dataclasses.replace(stage, corrections=1, relevance=True)
+    state = relevance.start(state)
+    # Priors far too narrow for anything: without a pin, all would go to nothing together.
+    narrow = jax.tree.map(lambda x: jnp.full_like(x, 1e4), state.memory.precision)
+    state = state._replace(memory=Relevance(narrow, jnp.asarray(1.0)))
+    q, models = stage.data.train.q[:, 0], [state.model]
+    for _ in range(3):
+        state, _ = relevance.advance(state)
+        models.append(state.model)
+    scales = [float(jnp.mean(jax.vmap(model.mass_matrix)(q))) for model in models]
+    assert models[-1] is not models[0]
+    assert scales[1:] == pytest.approx([scales[0]] * 3, rel=0.05)
 
 
 def test_models_are_compared_window_against_window(stage):

@@ -22,6 +22,7 @@ Sensitivity = Float[Array, "s P"]
 
 _LARGEST_JACOBIAN = 2**23  # Entries held at once.
 _CACHED_WINDOWS = 32
+_PINNED = 1e-5  # Relative standard deviation.
 
 
 class NormalEquations(NamedTuple):
@@ -43,6 +44,18 @@ class NormalEquations(NamedTuple):
     def loss(self) -> float:
         """Mean of r²."""
         return float(np.mean(self.residuals**2))
+
+    def pinned(self, direction: np.ndarray) -> "NormalEquations":
+        """The same with what a relative change along a direction would be known to, as if it had been measured.
+
+        Args:
+            direction: Gradient of the logarithm of what stays as it is.
+
+        Returns:
+            The equations.
+        """
+        information = self.loss / (_PINNED**2 * self.residuals.size)
+        return self._replace(matrix=self.matrix + information * np.outer(direction, direction))
 
 
 def linearize(

@@ -58,6 +58,7 @@ def levenberg_marquardt_step(
     reversible: Objective,
     prior: float | Float[np.ndarray, " P"] = 0.0,
     variance: float | None = None,
+    pin: Float[np.ndarray, " P"] | None = None,
 ) -> tuple[LevenbergState, LevenbergStep]:
     """Solve (JᵀJ + λ diag) δ = −Jᵀr, with λ raised until the loss falls, and lowered fivefold once it has.
 
@@ -76,6 +77,7 @@ def levenberg_marquardt_step(
         reversible: The same objective with a solver that reverse-mode differentiation reaches through.
         prior: Precision of the prior on every parameter, or on each.
         variance: σ²; that of the residuals before the step if None.
+        pin: Direction along which the parameters stay where they are, if any.
 
     Returns:
         The state after the step, and what the step did to the mean squared residual.
@@ -89,6 +91,8 @@ def levenberg_marquardt_step(
     equations = normal_equations(restore, state.theta, objective, batch)
     if not np.isfinite(equations.matrix).all():  # Sensitivities can overflow in single precision.
         equations = normal_equations(restore, state.theta, objective, batch, precision=state.theta.dtype)
+    if pin is not None:
+        equations = equations.pinned(pin)
     ridge = np.full(state.theta.size, prior * (equations.loss if variance is None else variance))
     ridge /= equations.residuals.size
     theta = np.asarray(state.theta, float)

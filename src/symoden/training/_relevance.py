@@ -1,6 +1,6 @@
 """Automatic relevance determination: every group of parameters has a prior of its own, as wide as the data want it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 import equinox as eqx
@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from threadpoolctl import threadpool_limits
 
 from symoden.blocks import trainable
+from symoden.models import StructuredModel, parts_that_fix_the_scale
 
 from ._gauss_newton import NormalEquations
 
@@ -147,6 +148,32 @@ def independent_variance(equations: NormalEquations) -> float:
     scores = float(np.trace(inverse @ equations.spread)) * windows / (windows - 1)
     effect = max(1.0, scores / (size * fitted * loss))
     return effect * loss / max(_LEAST_FREEDOM, 1 - fitted * effect / size)
+
+
+def free_scale(
+    model: PyTree, restore: Callable[[Float[Array, " P"]], PyTree], theta: Float[Array, " P"], q: Float[Array, "k n"]
+) -> Float[np.ndarray, " P"] | None:
+    """How the parameters change the scale of the inertia, where data of velocities leave that open.
+
+    Priors about zero would pull inertia, energy, actuation and friction to nothing together: no prediction changes.
+
+    Args:
+        model: Model.
+        restore: Makes the model from flat parameters.
+        theta: Flat parameters.
+        q: Configurations.
+
+    Returns:
+        Gradient of the logarithm of the mean trace of M; None where the scale is known.
+    """
+    if not isinstance(model, StructuredModel) or model.momenta or parts_that_fix_the_scale(model):
+        return None
+
+    def scale(theta: Float[Array, " P"]) -> Float[Array, ""]:
+        matrices = jax.vmap(restore(theta).mass_matrix)(q)
+        return jnp.log(jnp.mean(jnp.trace(matrices, axis1=1, axis2=2)))
+
+    return np.asarray(jax.grad(scale)(theta), float)
 
 
 def parameter_groups(shapes: Sequence[tuple[int, ...]]) -> Int[np.ndarray, " P"]:

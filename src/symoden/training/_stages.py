@@ -21,13 +21,14 @@ from ._config import TrainingConfig
 from ._flatten import Flattening, cast
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, levenberg_marquardt_step
 from ._problem import Batch, Objective, evaluate_loss, evaluate_residuals, integration_error
-from ._relevance import Relevance
+from ._relevance import Relevance, free_scale
 
 DIVERGED = "diverged; the best model before was kept"
 
 _CHUNK = 200
 _MOST_SUBSTEPS = 16
 _EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
+_STATES = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
 _SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
 _STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
@@ -261,6 +262,7 @@ class LevenbergStage(AbstractStage):
         substeps = self._refined(state)
         objective = self._objective(substeps)
         restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        pin = free_scale(state.model, restore, theta, self.data.train.q[:_STATES, 0]) if self.relevance else None
         after, step = levenberg_marquardt_step(
             LevenbergState(theta, state.damping),
             restore,
@@ -269,6 +271,7 @@ class LevenbergStage(AbstractStage):
             reversible=self._objective(substeps, reversible=True),
             prior=state.memory.precisions(state.model, self.corrections),
             variance=float(state.memory.variance) or None if self.relevance else None,  # Else it fades with the loss.
+            pin=pin,
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
