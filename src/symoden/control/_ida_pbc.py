@@ -15,7 +15,7 @@ from symoden.spaces import Space
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
 from ._expansion import Expansion
 from ._linear_matching import Gains, LinearMatching
-from ._matching import Collocation, annihilator, coriolis_form, unactuated
+from ._matching import Collocation, annihilator, coriolis_form, coriolis_tensor, unactuated
 from ._motion import gradient
 from ._scales import bandwidth
 
@@ -151,6 +151,11 @@ class IdaPbc(AbstractController):
         K = jnp.outer(h, h) / (h @ w) + self.ratio * (M - jnp.outer(Mw, Mw) / (w @ Mw))
         return (M, K), (M, K, g, row, w)
 
+    def _forms(self, q: Coordinates) -> tuple[tuple[Array, Array], tuple[Array, ...]]:
+        """Coriolis tensors of M and K; then M, K, g, G⊥ and w."""
+        (M_slope, K_slope), values = jax.jacfwd(self._kinetic, has_aux=True)(q)
+        return (coriolis_tensor(M_slope), coriolis_tensor(K_slope)), values
+
     def desired_potential(self, q: Coordinates) -> Scalar:
         """Desired potential energy V_d, zero at the target.
 
@@ -170,13 +175,13 @@ class IdaPbc(AbstractController):
     def __call__(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Inputs:
         """Input."""
         del t
-        (M_slope, K_slope), (M, K, g, row, w) = jax.jacfwd(self._kinetic, has_aux=True)(q)
-        B = coriolis_form(M_slope, row) - coriolis_form(K_slope, w)
+        (C, C_K), (M, K, g, row, w) = self._forms(q)
+        B = coriolis_form(C, row) - coriolis_form(C_K, w)
         a = K @ w / (w @ K @ w)
         b = B @ (v + (a @ v) * w)
         gyroscopic = a * (b @ v) - b * (a @ v)
-        wanted = _coriolis(K_slope, v) + jax.grad(self.desired_potential)(q) + gyroscopic
-        forces = _coriolis(M_slope, v) + gradient(self.model, q) - M @ jnp.linalg.solve(K, wanted)
+        wanted = C_K @ v @ v + jax.grad(self.desired_potential)(q) + gyroscopic
+        forces = C @ v @ v + gradient(self.model, q) - M @ jnp.linalg.solve(K, wanted)
         y = g.T @ jnp.linalg.solve(M, K @ v)
         return saturate(jnp.linalg.solve(g.T @ g, g.T @ forces) - self.damping @ y, self.limits)
 
@@ -189,8 +194,8 @@ class IdaPbc(AbstractController):
         Returns:
             The one at rest, and the one at unit rate along w (times the rate's square at others).
         """
-        (M_slope, K_slope), (_, _, _, row, w) = jax.jacfwd(self._kinetic, has_aux=True)(q)
-        B = coriolis_form(M_slope, row) - coriolis_form(K_slope, w)
+        (C, C_K), (_, _, _, row, w) = self._forms(q)
+        B = coriolis_form(C, row) - coriolis_form(C_K, w)
         return row @ gradient(self.model, q) - w @ jax.grad(self.desired_potential)(q), w @ B @ w
 
     def matching(self) -> Matching:
@@ -224,11 +229,6 @@ def _forces(controller: IdaPbc, q: Float[Array, "k n"], speed: Scalar) -> tuple[
         return load, rest, moving * (speed / jnp.abs(controller.field(q)).max()) ** 2
 
     return jax.vmap(at)(q)
-
-
-def _coriolis(M_slope: Float[Array, "n n n"], v: Velocities) -> Velocities:
-    """Ṁ v − ½ ∇(vᵀ M v)."""
-    return jnp.einsum("ijk,j,k->i", M_slope, v, v) - 0.5 * jnp.einsum("jki,j,k->i", M_slope, v, v)
 
 
 def _best(linear: LinearMatching, conditions: Collocation) -> tuple[Gains, Expansion, Expansion]:

@@ -96,8 +96,23 @@ class LinearMatching(NamedTuple):
     @property
     def load(self) -> Float[np.ndarray, " n"]:
         """Stiffness that w sees, f."""
+        return self.row @ self.stiffness
+
+    @property
+    def stiffness(self) -> Float[np.ndarray, "n n"]:
+        """C."""
         n = len(self.M)
-        return -self.row @ self.M @ self.A[n:, :n]
+        return -self.M @ self.A[n:, :n]
+
+    @property
+    def g(self) -> Float[np.ndarray, "n m"]:
+        """Input matrix."""
+        return self.M @ self.B[len(self.M) :]
+
+    @property
+    def rate(self) -> float:
+        """Fastest rate without friction, squared [1/s²]."""
+        return float(np.abs(np.linalg.eigvals(np.linalg.solve(self.M, self.stiffness))).max())
 
     def direction(self, ratio: float) -> Float[np.ndarray, " n"]:
         """The w of least inertia with a given ratio of fᵀ w to hᵀ w.
@@ -108,11 +123,9 @@ class LinearMatching(NamedTuple):
         Returns:
             w, with hᵀ w = G⊥ M G⊥ᵀ, as without control.
         """
-        n = len(self.M)
-        rate = np.abs(np.linalg.eigvals(self.A[n:, :n])).max()
         both = np.array([self.inertia, self.load])
         spread = np.linalg.solve(self.M, both.T)
-        return spread @ np.linalg.solve(both @ spread, np.array([1.0, ratio * rate])) * (self.row @ self.inertia)
+        return spread @ np.linalg.solve(both @ spread, np.array([1.0, ratio * self.rate])) * (self.row @ self.inertia)
 
     def cheapest(self, w: Float[np.ndarray, " n"]) -> Gains:
         """Choose r, s and the damping for the least quadratic cost, friction included, by the cross-entropy method.
@@ -147,11 +160,9 @@ class LinearMatching(NamedTuple):
         Returns:
             The costs beside the least possible; infinite where the closed loop is unstable.
         """
-        n = len(self.M)
-        g = self.M @ self.B[n:]
+        n, g = len(self.M), self.g
         K, P, damping = self._matrices(w, gains)
-        stiffness = -self.M @ self.A[n:, :n]
-        by_q = np.linalg.pinv(g) @ (stiffness - self.M @ np.linalg.solve(K, P))
+        by_q = np.linalg.pinv(g) @ (self.stiffness - self.M @ np.linalg.solve(K, P))
         by_v = -damping @ g.T @ np.linalg.solve(self.M, K)
         F = np.concatenate([by_q, by_v], axis=2)
         closed = self.A + self.B @ F
@@ -172,12 +183,9 @@ class LinearMatching(NamedTuple):
         self, w: Float[np.ndarray, " n"], gains: Float[np.ndarray, "c 3"]
     ) -> tuple[Float[np.ndarray, "c n n"], Float[np.ndarray, "c n n"], Float[np.ndarray, "c m m"]]:
         """K, P and K_v of candidates."""
-        n = len(self.M)
-        h, f, Mw = self.inertia, self.load, self.M @ w
-        rate = np.abs(np.linalg.eigvals(self.A[n:, :n])).max()
+        h, f, g, rate, Mw = self.inertia, self.load, self.g, self.rate, self.M @ w
         across = self.M - np.outer(Mw, Mw) / (w @ Mw)
         r, s, factor = (column[:, None, None] for column in gains.T)
-        g = self.M @ self.B[n:]
         unit = np.sqrt(rate) * np.linalg.inv(g.T @ np.linalg.solve(self.M, g))
         return np.outer(h, h) / (h @ w) + r * across, np.outer(f, f) / (f @ w) + s * rate * across, factor * unit
 

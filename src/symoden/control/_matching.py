@@ -67,17 +67,29 @@ def unactuated(model: AbstractPortHamiltonian, q: Coordinates) -> Float[Array, "
     return annihilator(model.input_matrix(q))
 
 
-def coriolis_form(M_slope: Float[Array, "n n n"], row: Float[Array, " n"]) -> Float[Array, "n n"]:
-    """Symmetric B with row · c(q, v) = vᵀ B v for c = Ṁ v − ½ ∇(vᵀ M v).
+def coriolis_tensor(M_slope: Float[Array, "n n n"]) -> Float[Array, "n n n"]:
+    """C with c_i = C_ijk v_j v_k for the Coriolis and centrifugal forces c = Ṁ v − ½ ∇(vᵀ M v).
 
     Args:
         M_slope: ∂M_ij/∂q_k.
+
+    Returns:
+        The tensor.
+    """
+    return M_slope - 0.5 * jnp.einsum("jki->ijk", M_slope)
+
+
+def coriolis_form(C: Float[Array, "n n n"], row: Float[Array, " n"]) -> Float[Array, "n n"]:
+    """Symmetric B with row · c(q, v) = vᵀ B v.
+
+    Args:
+        C: What `coriolis_tensor` gives.
         row: The row.
 
     Returns:
         The matrix.
     """
-    B = jnp.einsum("i,ijk->jk", row, M_slope) - 0.5 * jnp.einsum("i,jki->jk", row, M_slope)
+    B = jnp.einsum("i,ijk->jk", row, C)
     return 0.5 * (B + B.T)
 
 
@@ -228,7 +240,7 @@ def _evaluate(
 
     def at(q: Coordinates) -> Rows:
         row = unactuated(model, q)
-        B = coriolis_form(jax.jacfwd(model.mass_matrix)(q), row)
+        B = coriolis_form(coriolis_tensor(jax.jacfwd(model.mass_matrix)(q)), row)
         return Rows(load=row @ gradient(model, q), h=h(q), h_slope=jax.jacfwd(h)(q), inertia=B)
 
     products = empty.products

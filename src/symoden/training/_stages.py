@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import PyTree
+from jaxtyping import Float, PyTree
 
 from symoden.blocks import trainable
 from symoden.integrate import RK4
@@ -28,8 +28,8 @@ DIVERGED = "diverged; the best model before was kept"
 _CHUNK = 200
 _MOST_SUBSTEPS = 16
 _EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
-_STATES = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
+_STATES = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
 _STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
 
@@ -275,16 +275,14 @@ class LevenbergStage(AbstractStage):
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
-        if self.relevance:
-            return self._learned(state, model, after, step, validation, substeps)
         judged = step.after if validation is None else validation
+        state = state._replace(step=state.step + 1, model=model, damping=after.damping, substeps=substeps)
+        if self.relevance:
+            state, ended, outcome = self._learned(state, step, np.asarray(theta, float), judged)
+            return state, Report(step.after, validation, ended, outcome)
         better = judged < state.best_loss
         falling = step.accepted and step.after < (1 - _STALLED) * step.before
         state = state._replace(
-            step=state.step + 1,
-            model=model,
-            damping=after.damping,
-            substeps=substeps,
             best=model if better else state.best,
             best_loss=judged if better else state.best_loss,
             stale=0 if better and falling else state.stale + 1,
@@ -295,36 +293,20 @@ class LevenbergStage(AbstractStage):
         return state, Report(step.after, validation, ended, outcome)
 
     def _learned(
-        self,
-        state: TrainingState,
-        model: AbstractDynamics,
-        after: LevenbergState,
-        step: LevenbergStep,
-        validation: float | None,
-        substeps: int,
-    ) -> tuple[TrainingState, Report]:
-        """Learn the priors from a step; after the last one, choose between what came of it and what was before."""
-        _, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], judged: float
+    ) -> tuple[TrainingState, bool, str]:
+        """Learn the priors from a step from θ; after the last one, choose between what came of it and what was."""
         at = state.model, self.corrections
-        priors = state.memory.learn(step.equations, np.asarray(theta, float), *at)
+        priors = state.memory.learn(step.equations, theta, *at)
         change = math.inf
         if state.memory.variance > 0:
             change = priors.effective(step.equations, *at) / state.memory.effective(step.equations, *at) - 1
-        state = state._replace(
-            step=state.step + 1,
-            model=model,
-            memory=priors,
-            damping=after.damping,
-            substeps=substeps,
-            stale=state.stale + 1 if abs(change) < _SETTLED else 0,
-        )
+        state = state._replace(memory=priors, stale=state.stale + 1 if abs(change) < _SETTLED else 0)
         ended, outcome = self._ended(state)
         if ended:
-            objective = self._objective(substeps)
-            judged = step.after if validation is None else validation
-            state = state._replace(best=model, best_loss=judged)
-            state = self._defended(state, kept=self.data.compare(model, state.incumbent[0], objective) <= 1)
-        return state, Report(step.after, validation, ended, outcome)
+            worse = self.data.compare(state.model, state.incumbent[0], self._objective(state.substeps))
+            state = self._defended(state._replace(best=state.model, best_loss=judged), kept=worse <= 1)
+        return state, ended, outcome
 
     def _defended(self, state: TrainingState, *, kept: bool) -> TrainingState:
         """State at the end of the stage: as it is, or as it was before."""
