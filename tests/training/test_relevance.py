@@ -69,6 +69,16 @@ def test_the_variance_counts_what_is_independent(windows):
     assert copied == pytest.approx(8 * 0.25, rel=0.3)
 
 
+def test_few_windows_do_not_make_it_smaller():
+    found = []
+    for seed in range(200):
+        options = {"copies": 8, "seed": seed, "windows": 5, "rows": 40}
+        first = equations_of(np.zeros(3), **options)
+        best = -np.linalg.solve(first.matrix, first.gradient)
+        found.append(independent_variance(equations_of(best, **options)))
+    assert np.mean(found) == pytest.approx(8 * 0.25, rel=0.08)
+
+
 def test_a_handful_of_windows_teaches_nothing():
     start, model = linear(3)
     assert start.learn(equations_of(np.zeros(3), windows=4), np.zeros(3), *model) is start
