@@ -53,7 +53,7 @@ coverage: setup ## Branch coverage of the fast tests, 95 % at least
 lock: ## Pin anew what setup installs (in a throw-away environment)
 	@scratch=$$(mktemp -d) && trap 'rm -rf "$$scratch"' EXIT \
 	  && $(PYTHON) -m venv "$$scratch" \
-	  && "$$scratch/bin/python" -m pip install --quiet '.[gym,plot,data,dev]' \
+	  && "$$scratch/bin/python" -m pip install --quiet '.[gym,plot,report,data,dev]' \
 	  && "$$scratch/bin/python" -m pip freeze --exclude symoden > "$$scratch/pins" \
 	  && { grep '^#' requirements.lock; cat "$$scratch/pins"; } > "$$scratch/lock" \
 	  && cp "$$scratch/lock" requirements.lock

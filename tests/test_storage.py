@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import signal
+import stat
 import subprocess
 import sys
 import time
@@ -129,3 +130,17 @@ def test_a_kill_while_saving_leaves_a_whole_file(tmp_path):
         assert running.returncode == -signal.SIGKILL
         arrays, metadata = load_arrays(path)
         assert np.array_equal(arrays["a"], np.full(200_000, float(metadata["k"])))
+
+
+def test_a_new_file_has_the_permissions_that_the_user_gives_and_a_replaced_one_keeps_its_own(tmp_path):
+    path = tmp_path / "file"
+    before = os.umask(0o027)
+    try:
+        write_atomically(path, b"one")
+        assert stat.S_IMODE(path.stat().st_mode) == 0o640
+        path.chmod(0o600)
+        write_atomically(path, b"two")
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        assert os.umask(0o027) == 0o027  # as it was
+    finally:
+        os.umask(before)

@@ -37,6 +37,7 @@ def write_atomically(path: Path | str, data: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
             temporary = Path(file.name)
+            os.fchmod(file.fileno(), _permissions(path))
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
@@ -49,6 +50,15 @@ def write_atomically(path: Path | str, data: bytes) -> None:
             f"`{path}` must be writable; the system says: {error.strerror or error}. "
             "What was there before is unchanged; free some space or choose another folder."
         ) from error
+
+
+def _permissions(path: Path) -> int:
+    """Those of the file that is replaced, or those that the user gives to new files."""
+    with contextlib.suppress(FileNotFoundError):
+        return path.stat().st_mode & 0o777
+    mask = os.umask(0o077)  # It cannot be read without being set.
+    os.umask(mask)
+    return 0o666 & ~mask
 
 
 def save_arrays(path: Path | str, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:

@@ -41,14 +41,14 @@ def write_description(folder):
     return path
 
 
-def write_untrained_run(folder, name, **changes):
+def write_untrained_run(folder, name, model=SMALL, **changes):
     source = read_source(str(name))
     config = RunConfig(
-        source=source.name, model=SMALL, training=TrainingConfig(), data=summarize(source.dataset), **changes
+        source=source.name, model=model, training=TrainingConfig(), data=summarize(source.dataset), **changes
     )
     data = source.dataset
-    model = build(
-        SMALL,
+    built = build(
+        model,
         Space.parse(data.space),
         data.inputs,
         momenta=data.momenta,
@@ -57,7 +57,7 @@ def write_untrained_run(folder, name, **changes):
         key=jax.random.key(0),
     )
     write_run(folder, config)
-    save(folder / "model.safetensors", model)
+    save(folder / "model.safetensors", built)
     return folder
 
 

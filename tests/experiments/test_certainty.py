@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from symoden.data import Dataset
-from symoden.experiments import Ranges, certainty, inspect_model, score_bands, simulate, task
+from symoden.experiments import Ranges, calibrate_bands, certainty, inspect_model, score_bands, simulate, task
 from symoden.integrate import RK4
 from symoden.models import BlockConfig, ModelConfig, rescale
 from symoden.training import TrainingConfig, fit, hold_out, infer_posterior
@@ -79,13 +79,13 @@ def test_more_noise_is_less_certain_and_a_coupling_that_is_not_there_is_not_told
 
 def test_bands_cover_what_they_say(learned):
     model, dataset = learned
-    held = hold_out(dataset, STEPS)
-    score = score_bands(infer_posterior(model, dataset, STEPS), held, solver=RK4(2))
+    held, posterior = hold_out(dataset, STEPS), infer_posterior(model, dataset, STEPS)
+    score = score_bands(calibrate_bands(posterior, held, solver=RK4(2)), held.test)
     assert score.calibrated_on == "validation"
     assert score.coverage == pytest.approx(0.9, abs=0.04)
     assert NOISE < score.half_width < 5 * NOISE
     blind = dataclasses.replace(held, validation=())
-    assert score_bands(infer_posterior(model, dataset, STEPS), blind, solver=RK4(2)).calibrated_on == "train"
+    assert calibrate_bands(posterior, blind, solver=RK4(2)).calibrated_on == "train"
 
 
 def test_models_without_blocks_have_no_bands(learned):

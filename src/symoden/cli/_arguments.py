@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 SourceName: TypeAlias = Annotated[Positional[str], arg(metavar="SOURCE")]
 RunFolder: TypeAlias = Annotated[Positional[Path], arg(metavar="RUN")]
+Figure: TypeAlias = Annotated[Path | None, arg(metavar="FILE.png", help_behavior_hint="(default: none)")]
 ArrayFile: TypeAlias = Annotated[Path, arg(metavar="FILE.npz")]
 
 
@@ -90,12 +91,14 @@ class Evaluate:
         run: Folder of the run.
         source: Another task or description than the run's own.
         bands: Also predict with 90 % bands, and say how many of a data set's measured positions they cover.
+        figure: Picture of test recordings and rollouts along them, with their bands if asked for: PNG, PDF or SVG.
         general: How to report.
     """
 
     run: RunFolder
     source: Annotated[Positional[str | None], arg(metavar="[SOURCE]", help_behavior_hint="(default: the run's)")] = None
     bands: bool = False
+    figure: Figure = None
     general: General = field(default_factory=General)
 
 
@@ -126,10 +129,30 @@ class Inspect:
 
     Attributes:
         run: Folder of the run.
+        figure: Picture of M, V, g, D and friction with their bands: PNG, PDF or SVG.
         general: How to report.
     """
 
     run: RunFolder
+    figure: Figure = None
+    general: General = field(default_factory=General)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Write what is known of a run into one HTML page that needs no other file.
+
+    What it predicts of recordings that it was not trained on, what it learned, each with bands; how certain that is;
+    the power audit; how training went; settings and versions.
+
+    Attributes:
+        run: Folder of the run.
+        out: Page to write.
+        general: How to report.
+    """
+
+    run: RunFolder
+    out: Annotated[Path, arg(metavar="FILE.html")]
     general: General = field(default_factory=General)
 
 
@@ -198,7 +221,7 @@ class Data:
 
     action: Annotated[Positional[Literal["check"]], arg(metavar="check")]
     source: Annotated[Positional[Path], arg(metavar="FILE.toml")]
-    figure: Annotated[Path | None, arg(metavar="FILE.png", help_behavior_hint="(default: none)")] = None
+    figure: Figure = None
     space: Annotated[str | None, arg(metavar="S", help_behavior_hint="(default: the description's)")] = None
     general: General = field(default_factory=General)
 
@@ -238,7 +261,7 @@ class Control:
     duration: Annotated[float, arg(metavar="T")] = 15.0
     episodes: Annotated[int, arg(metavar="N")] = 100
     seed: int = 0
-    figure: Annotated[Path | None, arg(metavar="FILE.png", help_behavior_hint="(default: none)")] = None
+    figure: Figure = None
     video: Annotated[Path | None, arg(metavar="FILE.gif", help_behavior_hint="(default: none)")] = None
     general: General = field(default_factory=General)
 
@@ -250,9 +273,10 @@ COMMANDS: Final[Mapping[str, type]] = MappingProxyType(
         "evaluate": Evaluate,
         "predict": Predict,
         "inspect": Inspect,
+        "report": Report,
         "control": Control,
         "reproduce": Reproduce,
         "data": Data,
     }
 )
-Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect | Control | Reproduce | Data
+Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect | Report | Control | Reproduce | Data

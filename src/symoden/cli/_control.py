@@ -1,6 +1,5 @@
 """`symoden control`."""
 
-import io
 import math
 import sys
 from pathlib import Path
@@ -21,10 +20,8 @@ from symoden.experiments import (
 from symoden.storage import write_atomically
 
 from ._arguments import Control
+from ._figure import check_figure, save_figure
 from ._output import number, print_json, print_table
-
-_FORMATS = (".png", ".pdf", ".svg")
-_DPI = 150
 
 
 def run(command: Control) -> None:
@@ -66,8 +63,7 @@ def run(command: Control) -> None:
 
 def _check_files(command: Control) -> None:
     """Refuse files of unknown formats before anything takes time."""
-    if command.figure is not None and command.figure.suffix.lower() not in _FORMATS:
-        raise ValueError(f"`--figure` must end in one of {', '.join(_FORMATS)}; got `{command.figure}`.")
+    check_figure(command.figure)
     if command.video is not None and command.video.suffix.lower() != ".gif":
         raise ValueError(f"`--video` must end in .gif; got `{command.video}`.")
 
@@ -145,9 +141,7 @@ def _draw(result: ControlResult, names: tuple[tuple[str, ...], tuple[str, ...]],
     """Draw the episodes into a file."""
     from symoden.report import draw_control
 
-    buffer = io.BytesIO()
-    draw_control(result, names=names).savefig(buffer, format=path.suffix[1:].lower(), dpi=_DPI)
-    write_atomically(path, buffer.getvalue())
+    save_figure(draw_control(result, names=names), path)
 
 
 def _film(result: ControlResult, path: Path) -> None:

@@ -1,20 +1,18 @@
 """`symoden data check`."""
 
 import dataclasses
-import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from symoden.data import ChannelFacts, DataError, DatasetCheck, Finding, RecordingCheck, check_dataset
-from symoden.storage import write_atomically
 
 from ._arguments import Data
+from ._figure import check_figure, save_figure
 from ._output import print_json, print_table
 
 _LEVELS = ("refused", "warning", "masked", "note")
-_FORMATS = (".png", ".pdf", ".svg")
 _DPI = 200
 _NAMED = 3  # other recordings that a line names
 
@@ -29,8 +27,7 @@ def run(command: Data) -> None:
         ValueError: If the figure's format is unknown.
         DataError: If the description or a file cannot be read.
     """
-    if command.figure is not None and command.figure.suffix.lower() not in _FORMATS:
-        raise ValueError(f"`--figure` must end in one of {', '.join(_FORMATS)}; got `{command.figure}`.")
+    check_figure(command.figure)
     try:
         check = check_dataset(command.source, space=command.space)
     except DataError as error:
@@ -144,9 +141,7 @@ def _draw(check: DatasetCheck, path: Path) -> None:
     """Draw all recordings into a file."""
     from symoden.report import draw_check
 
-    buffer = io.BytesIO()
-    draw_check(check).savefig(buffer, format=path.suffix[1:].lower(), dpi=_DPI)
-    write_atomically(path, buffer.getvalue())
+    save_figure(draw_check(check), path, dpi=_DPI)
 
 
 def _as_json(check: DatasetCheck, command: Data) -> dict[str, object]:

@@ -5,7 +5,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich import box
@@ -15,6 +15,20 @@ from rich.table import Table
 from symoden.storage import write_atomically
 
 _WIDE = 200
+
+
+class TableText(NamedTuple):
+    """A table.
+
+    Attributes:
+        title: Line above it.
+        columns: Heads of the columns.
+        rows: Cells.
+    """
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[object]]
 
 
 def console(*, stderr: bool = False) -> Console:

@@ -2,7 +2,6 @@
 
 import datetime
 import importlib.util
-import io
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -11,10 +10,10 @@ from pathlib import Path
 
 from symoden.experiments import CellResult, Row, cells, check_cell, read_results, table_rows
 from symoden.report import flat_row, table_title, write_tables
-from symoden.storage import write_atomically
 from symoden.training import TrainingError
 
 from ._arguments import Reproduce
+from ._figure import save_figure
 from ._jobs import run_cells
 from ._live import show_cells
 from ._output import number, print_json, print_table
@@ -91,9 +90,7 @@ def _draw(out: Path, results: Sequence[CellResult]) -> dict[str, Path]:
     for name, figure in draw_results(out, results).items():
         paths[name] = out / "figures" / f"{name}.png"
         for path in (paths[name], paths[name].with_suffix(".pdf")):
-            buffer = io.BytesIO()
-            figure.savefig(buffer, format=path.suffix[1:], dpi=_DPI)
-            write_atomically(path, buffer.getvalue())
+            save_figure(figure, path, dpi=_DPI)
     return paths
 
 

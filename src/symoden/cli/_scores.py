@@ -1,4 +1,4 @@
-"""Scores as tables and as JSON, shared by `train` and `evaluate`."""
+"""Scores as tables and as JSON, shared by `train`, `evaluate` and `report`."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -17,7 +17,7 @@ from symoden.experiments import (
 )
 from symoden.mechanics import AbstractDynamics
 
-from ._output import number, print_table
+from ._output import TableText, number, print_table
 
 _ERRORS = ("train", "test", "prediction")
 
@@ -34,33 +34,46 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
     Returns:
         The scores for JSON.
     """
+    scores, table = scores_of(model, config, source)
+    if not json:
+        print_table(*table)
+    return scores
+
+
+def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> tuple[dict[str, object], TableText]:
+    """Score a model on a task or on a data set.
+
+    Args:
+        model: The run's model.
+        config: The run's settings.
+        source: What to score on.
+
+    Returns:
+        The scores for JSON, and as a table.
+    """
     solver = evaluation_solver(config)
     if source.task is None:
         recordings = score_recordings(model, source.dataset, solver=solver)
-        if not json:
-            _print_recordings(recordings)
-        return {"recordings": [asdict(recording) for recording in recordings]}
+        return {"recordings": [asdict(recording) for recording in recordings]}, _recordings(recordings)
     score = score_task(model, source, solver=solver)
-    if not json:
-        _print_task(score, source.task, config.model.kind)
     errors = {f"{name}_error": getattr(score, name)._asdict() for name in _ERRORS}
     described = {"task": source.task.name, "model": config.model.kind, "parameters": count_parameters(model)}
-    return described | errors
+    return described | errors, _errors(score, source.task, config.model.kind)
 
 
-def _print_task(score: TaskScore, task: Task, kind: str) -> None:
+def _errors(score: TaskScore, task: Task, kind: str) -> TableText:
     """Errors beside the paper's."""
     paper = task.paper.get(kind)
-    print_table(
+    return TableText(
         f"{task.name}: squared error of rollouts, mean ± standard deviation over trajectories",
         ("error", "symoden", "the paper"),
         [(name, _spread(getattr(score, name)), _spread(getattr(paper, name)) if paper else "-") for name in _ERRORS],
     )
 
 
-def _print_recordings(recordings: Sequence[RecordingScore]) -> None:
+def _recordings(recordings: Sequence[RecordingScore]) -> TableText:
     """Errors of every recording."""
-    print_table(
+    return TableText(
         "position RMSE, in the data's units: over windows of 1 s, and of one rollout over the whole recording",
         ("recording", "split", "samples", "1 s median", "1 s mean", "whole"),
         [(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.rollout_rmse) for r in recordings],

@@ -1,14 +1,16 @@
 """The paper's experiments: tasks, their data, and the errors it reports; runs, and what can be asked of them."""
 
 from ._audit import Audit as Audit, audit as audit
-from ._block_errors import BlockErrors as BlockErrors, block_errors as block_errors
-from ._cells import Cell as Cell, CellResult as CellResult, cells as cells
-from ._certainty import (
+from ._bands import (
+    BandedPath as BandedPath,
+    Bands as Bands,
     BandScore as BandScore,
-    Certainty as Certainty,
-    certainty as certainty,
+    calibrate_bands as calibrate_bands,
     score_bands as score_bands,
 )
+from ._block_errors import BlockErrors as BlockErrors, block_errors as block_errors
+from ._cells import Cell as Cell, CellResult as CellResult, cells as cells
+from ._certainty import Certainty as Certainty, certainty as certainty
 from ._control import (
     ControlConfig as ControlConfig,
     ControlResult as ControlResult,
@@ -55,6 +57,7 @@ from ._portrait import (
 )
 from ._presets import PRESETS as PRESETS, preset as preset
 from ._ranges import Ranges as Ranges
+from ._recorded import RecordedPaths as RecordedPaths, recorded_paths as recorded_paths
 from ._results import (
     cell_folder as cell_folder,
     read_result as read_result,
@@ -101,6 +104,8 @@ __all__ = [
     "TASKS",
     "Audit",
     "BandScore",
+    "BandedPath",
+    "Bands",
     "BlockCurves",
     "BlockErrors",
     "Cell",
@@ -124,6 +129,7 @@ __all__ = [
     "Prediction",
     "Profile",
     "Ranges",
+    "RecordedPaths",
     "RecordingScore",
     "RolloutComparison",
     "Row",
@@ -141,6 +147,7 @@ __all__ = [
     "anchor",
     "audit",
     "block_errors",
+    "calibrate_bands",
     "cell_folder",
     "cells",
     "certainty",
@@ -170,6 +177,7 @@ __all__ = [
     "read_run",
     "read_run_source",
     "read_source",
+    "recorded_paths",
     "refuse_occupied",
     "result_as_json",
     "row_name",

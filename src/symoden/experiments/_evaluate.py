@@ -143,7 +143,7 @@ def score_recordings(
     windows = [(i, *edges) for i, recording in enumerate(recordings) for edges in one_second_windows(recording)]
     stretches = [Stretch(trajectory=recordings[i], start=start, stop=stop) for i, start, stop in windows]
     rmse: list[list[float]] = [[] for _ in recordings]
-    for k, path in _paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
+    for k, path in paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
         rmse[windows[k][0]].append(_rmse(path.q[1:], stretches[k].q[1:]))
     whole = predict(model, recordings, hold=dataset.hold, solver=solver)
     return tuple(
@@ -176,14 +176,24 @@ def predict(
     Returns:
         One prediction for each recording.
     """
-    paths = dict(_paths(model, entire(trajectories), hold=HOLDS[hold], solver=solver))
-    return [paths[i] for i in range(len(trajectories))]
+    found = dict(paths(model, entire(trajectories), hold=HOLDS[hold], solver=solver))
+    return [found[i] for i in range(len(trajectories))]
 
 
-def _paths(
+def paths(
     model: AbstractDynamics, stretches: Sequence[Stretch], *, hold: Hold, solver: AbstractSolver
 ) -> Iterator[tuple[int, Prediction]]:
-    """Rollouts of stretches, each with its index."""
+    """Roll out stretches of recordings, each from its first state.
+
+    Args:
+        model: Learned model or analytic system.
+        stretches: Stretches of any lengths.
+        hold: How inputs act between samples.
+        solver: What advances rollouts.
+
+    Yields:
+        The index of a stretch, and its rollout; not in order.
+    """
     for i, path in in_batches(lambda batch: _rollouts(model, batch, solver, hold), stretches):
         samples = len(stretches[i])
         q = path.q[:samples]

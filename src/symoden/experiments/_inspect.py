@@ -1,6 +1,8 @@
 """What a model learned: M, V, g and D over the range of its training data."""
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement, product
 from typing import Final
 
 import equinox as eqx
@@ -17,7 +19,8 @@ from symoden.shapes import Coordinates, Rates
 from ._ranges import Ranges
 
 _STATES: Final = 1024
-_SPEEDS: Final = (0.01, 0.03, 0.1, 0.3, 1.0)
+_SLOWEST: Final = 0.01  # Of the largest velocity: where friction is looked at first.
+_SMALL: Final = 3  # Coordinates up to which all entries of a matrix are shown.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,6 +42,34 @@ class Profile:
     potential_energy: Float[np.ndarray, " K"] | None
     input_matrix: Float[np.ndarray, "K n m"] | None
     dissipation_matrix: Float[np.ndarray, "K d d"] | None
+
+    def energy_curves(self) -> dict[str, Float[np.ndarray, " K"]]:
+        """Entries of M, and V − min V, by their names.
+
+        Returns:
+            The curves; of a large matrix the diagonal alone.
+        """
+        curves = _entries("M", self.mass_matrix)
+        return curves if self.potential_energy is None else curves | {"V - min V": self.potential_energy}
+
+    def port_curves(
+        self, positions: Sequence[str], inputs: Sequence[str], given: Collection[str]
+    ) -> dict[str, Float[np.ndarray, " K"]]:
+        """Entries of g, unless it is given, and of D, by their names.
+
+        Args:
+            positions: Names of the coordinates.
+            inputs: Names of the inputs.
+            given: Parts that were given.
+
+        Returns:
+            The curves; of a large D the diagonal alone.
+        """
+        curves: dict[str, np.ndarray] = {}
+        if self.input_matrix is not None and "input_matrix" not in given:
+            pairs = product(enumerate(positions), enumerate(inputs))
+            curves = {f"g[{q}, {u}]": self.input_matrix[:, i, j] for (i, q), (j, u) in pairs}
+        return curves | _entries("D", self.dissipation_matrix)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,7 +126,7 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
     Args:
         model: Learned model or analytic system.
         ranges: Ranges of the training data.
-        points: Number of values along each coordinate.
+        points: Number of values along each coordinate, and of velocities along which friction is looked at.
 
     Returns:
         What it learned.
@@ -124,7 +155,7 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
         mass_matrix_eigenvalues=mass,
         dissipation_eigenvalues=dissipation,
         profiles=tuple(_profile(model, i, grid, middle, speeds) for i, grid in enumerate(grids)),
-        friction=_friction(model, middle, speeds),
+        friction=_friction(model, middle, speeds, points),
         velocities=speeds,
         middle=middle,
     )
@@ -197,7 +228,7 @@ def _profile(
 
 
 def _friction(
-    model: AbstractDynamics, middle: Float[np.ndarray, " n"], speeds: Float[np.ndarray, " n"] | None
+    model: AbstractDynamics, middle: Float[np.ndarray, " n"], speeds: Float[np.ndarray, " n"] | None, points: int
 ) -> tuple[FrictionProfile, ...]:
     """Friction along every velocity."""
     if not isinstance(model, AbstractPortHamiltonian) or speeds is None:
@@ -205,14 +236,23 @@ def _friction(
     n = model.space.size
     found = []
     for i in range(n):
-        v = np.zeros((len(_SPEEDS), n))
-        v[:, i] = speeds[i] * np.asarray(_SPEEDS)
+        v = np.zeros((points, n))
+        v[:, i] = speeds[i] * np.geomspace(_SLOWEST, 1.0, points)
         D = np.asarray(_dissipations(model, jnp.asarray(np.tile(middle, (len(v), 1))), jnp.asarray(v)))
         D = D[:, -n:, -n:]  # Of the full D, the part that acts on momenta.
         found.append(
             FrictionProfile(coordinate=i, velocities=v[:, i], coefficient=D[:, i, i], force=D[:, i, i] * v[:, i])
         )
     return tuple(found)
+
+
+def _entries(letter: str, matrices: Float[np.ndarray, "K d d"] | None) -> dict[str, Float[np.ndarray, " K"]]:
+    """Entries of a symmetric matrix, of a large one its diagonal."""
+    if matrices is None:
+        return {}
+    size = matrices.shape[1]
+    pairs = combinations_with_replacement(range(size), 2) if size <= _SMALL else ((i, i) for i in range(size))
+    return {f"{letter}[{i + 1}, {j + 1}]": matrices[:, i, j] for i, j in pairs}
 
 
 def _extremes(matrices: Float[np.ndarray, "K d d"]) -> tuple[float, float]:

@@ -4,6 +4,7 @@ import importlib.util
 from typing import TYPE_CHECKING, NoReturn
 
 from ._film import film as film
+from ._html import PageSection as PageSection, PageTable as PageTable, write_html as write_html
 from ._page import write_page as write_page
 from ._table import (
     flat_row as flat_row,
@@ -26,41 +27,53 @@ if TYPE_CHECKING or importlib.util.find_spec("matplotlib") is not None:
         plot_positions as plot_positions,
     )
     from ._free import draw_energies as draw_energies, plot_circle as plot_circle, plot_energy as plot_energy
+    from ._inspection import draw_inspection as draw_inspection, plot_curves as plot_curves
     from ._phase import draw_phase as draw_phase, plot_phase as plot_phase
     from ._portraits import draw_portraits as draw_portraits
+    from ._recorded import draw_recorded as draw_recorded, plot_recorded as plot_recorded
     from ._results import draw_results as draw_results
     from ._rollouts import plot_rollouts as plot_rollouts
     from ._summary import Summary as Summary, draw_summary as draw_summary
     from ._sweeps import draw_sweeps as draw_sweeps, plot_sweep as plot_sweep
+    from ._training import draw_training as draw_training, plot_training as plot_training
 
 __all__ = [
+    "PageSection",
+    "PageTable",
     "Summary",
     "draw_check",
     "draw_comparison",
     "draw_control",
     "draw_energies",
     "draw_extrapolation",
+    "draw_inspection",
     "draw_phase",
     "draw_portraits",
+    "draw_recorded",
     "draw_results",
     "draw_summary",
     "draw_sweeps",
+    "draw_training",
     "film",
     "flat_row",
     "plot_block",
     "plot_circle",
     "plot_comparison",
+    "plot_curves",
     "plot_energy",
     "plot_errors",
     "plot_extrapolation",
     "plot_phase",
     "plot_positions",
+    "plot_recorded",
     "plot_rollouts",
     "plot_sweep",
+    "plot_training",
     "table_csv",
     "table_latex",
     "table_markdown",
     "table_title",
+    "write_html",
     "write_page",
     "write_tables",
 ]

@@ -53,7 +53,14 @@ class Posterior(NamedTuple):
             The rows' norms are standard deviations; their products covariances.
         """
         with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
-            jacobian = jax.jacrev(lambda theta: quantities(self.restore(theta)))(jnp.asarray(self.theta))
+            theta = jnp.asarray(self.theta)
+
+            def of(theta: Float[Array, " P"]) -> Float[Array, " K"]:
+                return quantities(self.restore(theta))
+
+            # One pass for each of the fewer.
+            forward = theta.size < jax.eval_shape(of, theta).size
+            jacobian = (jax.jacfwd if forward else jax.jacrev)(of)(theta)
         return np.asarray(jacobian, float) @ self.factor
 
     def deviations(self, count: int, seed: int = 0) -> tuple[Float[Array, " P"], Float[Array, "k P"]]:

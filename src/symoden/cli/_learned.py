@@ -1,0 +1,288 @@
+"""What is known of a run's model, as tables and sentences; shared by `inspect` and `report`."""
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from symoden.data import Dataset, Trajectory
+from symoden.experiments import (
+    Audit,
+    Bands,
+    BandScore,
+    Certainty,
+    Inspection,
+    Profile,
+    RunConfig,
+    audit,
+    calibrate_bands,
+    certainty,
+    evaluation_solver,
+    inspect_model,
+    read_model,
+    read_run,
+    read_run_source,
+)
+from symoden.mechanics import AbstractDynamics
+from symoden.models import StructuredModel
+from symoden.training import Posterior, hold_out, infer_posterior
+
+from ._output import TableText, number
+
+ROWS = 5  # Of a table.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Learned:
+    """A run's model and what can be said of it.
+
+    Attributes:
+        config: Settings of the run.
+        model: Its model.
+        dataset: Its data; None where they cannot be read any more.
+        missing: Why not.
+        posterior: What the data say of the model's parameters, where that is known.
+        uncertain: Why there are no bands on M, V, g and D.
+    """
+
+    config: RunConfig
+    model: AbstractDynamics
+    dataset: Dataset | None
+    missing: str
+    posterior: Posterior | None
+    uncertain: str
+
+    @classmethod
+    def of(cls, run: Path) -> "Learned":
+        """Read a run.
+
+        Args:
+            run: Its folder.
+
+        Returns:
+            What is known.
+        """
+        config, model = read_run(run), read_model(run)
+        dataset, posterior, missing = None, None, ""
+        try:
+            dataset = read_run_source(config).dataset
+        except ValueError as error:
+            missing = " ".join(str(error).split())
+        uncertain = f"the run's data cannot be read: {missing}"
+        if dataset is not None:
+            uncertain = "" if isinstance(model, StructuredModel) else "this kind of model has no M, V, g and D"
+            try:
+                posterior = infer_posterior(model, dataset, config.training)
+            except ValueError as error:
+                uncertain = str(error)
+        return cls(
+            config=config, model=model, dataset=dataset, missing=missing, posterior=posterior, uncertain=uncertain
+        )
+
+    def inspect(self, points: int = ROWS) -> tuple[Inspection, Certainty | None]:
+        """Evaluate the blocks over the data's range, with bands where these are known.
+
+        Args:
+            points: Number of values along each coordinate and velocity.
+
+        Returns:
+            Both.
+        """
+        ranges = self.config.data.ranges
+        found = (
+            inspect_model(self.model, ranges) if points is None else inspect_model(self.model, ranges, points=points)
+        )
+        if self.posterior is None or found.velocities is None:
+            return found, None
+        return found, certainty(self.posterior, found)
+
+    def bands(self) -> Bands | None:
+        """What makes bands of rollouts, where that is known."""
+        if self.posterior is None or self.dataset is None:
+            return None
+        held = hold_out(self.dataset, self.config.training)
+        return calibrate_bands(self.posterior, held, solver=evaluation_solver(self.config))
+
+    def audit(self) -> tuple[str, Audit | None]:
+        """Check the balance of powers on recordings that were not trained on.
+
+        Returns:
+            The part that they are of, and the audit; None without data.
+        """
+        if self.dataset is None:
+            return "", None
+        split, recordings = unseen(self.dataset)
+        data = self.config.data
+        solver = evaluation_solver(self.config)
+        return split, audit(self.model, recordings, ranges=data.ranges, hold=data.hold, solver=solver)
+
+
+def unseen(dataset: Dataset) -> tuple[str, tuple[Trajectory, ...]]:
+    """The test recordings, or those of training where there are no others.
+
+    Args:
+        dataset: Data.
+
+    Returns:
+        The name of the part, and its recordings.
+    """
+    return ("test", dataset.test) if dataset.test else ("train", dataset.train)
+
+
+def facts(found: Inspection) -> Iterator[tuple[str, str]]:
+    """What a model is, in a line each.
+
+    Args:
+        found: What was found.
+
+    Yields:
+        Name and value.
+    """
+    yield "parameters", str(found.parameters)
+    yield "what fixes the scale", found.anchor
+    yield from found.given.items()
+    for name, extremes in (("M", found.mass_matrix_eigenvalues), ("D", found.dissipation_eigenvalues)):
+        none = "does not apply: this kind of model has none"
+        yield (
+            f"eigenvalues of {name} over the data's range",
+            none if extremes is None else "{} to {}".format(*map(number, extremes)),
+        )
+
+
+def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> Iterator[TableText]:
+    """Everything that was found, each number with half of the width of its band.
+
+    Args:
+        found: What was found.
+        certain: Its bands.
+        config: Settings of the run.
+
+    Yields:
+        The tables.
+    """
+    if found.identified:
+        rows = [(name, banded(value, certain and certain.identified[name])) for name, value in found.identified.items()]
+        yield TableText("identified parameters", ("name", "value"), rows)
+    names = config.data.position_names, config.data.input_names
+    for i, profile in enumerate(found.profiles):
+        yield from _profile_tables(profile, certain and certain.profiles[i], *names, given=found.given)
+    for k, along in enumerate(found.friction):
+        i, band = along.coordinate, certain and certain.friction[k]
+        columns = (along.coefficient, band and band.coefficient), (along.force, band and band.force)
+        rows = [
+            (number(v), *(banded(values[j], None if half is None else half[j]) for values, half in columns))
+            for j, v in enumerate(along.velocities)
+        ]
+        title = f"friction along the velocity of {names[0][i]}, the data's middle otherwise"
+        yield TableText(title, ("v", f"D[{i + 1}, {i + 1}]", "force D v"), rows)
+
+
+def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
+    """How certain all this is, in words.
+
+    Args:
+        certain: The bands.
+        missing: Why there are none.
+
+    Yields:
+        Lines.
+    """
+    if certain is None:
+        yield f"no bands: {missing}"
+        return
+    yield (
+        f"± is half of a {certain.level:.0%} band, to first order; {certain.windows} windows determine "
+        f"{certain.effective:.0f} of {certain.parameters} free parameters"
+    )
+    yield "typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in certain.relative.items() if value)
+    if certain.undetermined:
+        yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
+
+
+def band_words(score: BandScore) -> str:
+    """How well bands cover, in a sentence.
+
+    Args:
+        score: The score.
+
+    Returns:
+        The sentence.
+    """
+    return (
+        f"{score.level:.0%} bands over windows of 1 s cover {score.coverage:.1%} of the positions of the {score.split} "
+        f"recordings; median half width {number(score.half_width)}, {score.from_parameters:.0%} of the variance from "
+        f"uncertain parameters; width set by the {score.calibrated_on} recordings"
+    )
+
+
+def audit_words(split: str, result: Audit | None, missing: str) -> Iterator[str]:
+    """The power audit in words.
+
+    Args:
+        split: Part that was looked at.
+        result: The audit.
+        missing: Why there is none.
+
+    Yields:
+        Lines.
+    """
+    if result is None:
+        yield f"not made, because the run's data cannot be read: {missing}"
+        return
+    yield f"{result.recordings} {split} recordings; outside the range of training: {result.outside:.1%}"
+    if result.diverged is None:
+        yield "the balance of powers does not apply: this kind of model has no energy"
+        return
+    yield f"rollouts: {result.rollouts}, of which {result.diverged} diverged"
+    yield f"largest violation of dH/dt = y'u - v'Dv along rollouts, relative: {number(result.rollout_violation)}"
+    yield (
+        "residual of the energy balance along recordings, relative: "
+        f"median {number(result.log_residual_median)}, largest {number(result.log_residual_max)}"
+    )
+    yield f"least eigenvalue of inv(M): {number(result.inverse_mass_min)}, of D: {number(result.dissipation_min)}"
+
+
+def audit_as_json(split: str, result: Audit | None, missing: str) -> dict[str, object]:
+    """The same for a program.
+
+    Args:
+        split: Part that was looked at.
+        result: The audit.
+        missing: Why there is none.
+
+    Returns:
+        What JSON has.
+    """
+    return {"unavailable": missing} if result is None else {"split": split, **asdict(result)}
+
+
+def banded(value: float, half_width: float | None) -> str:
+    """A number, and half of the width of its band.
+
+    Args:
+        value: The number.
+        half_width: Half of its band.
+
+    Returns:
+        The text.
+    """
+    return number(value) if half_width is None else f"{number(value)} ± {half_width:.2g}"
+
+
+def _profile_tables(
+    profile: Profile, widths: Profile | None, positions: Sequence[str], inputs: Sequence[str], *, given: Collection[str]
+) -> Iterator[TableText]:
+    """Blocks along one coordinate: the energy's in one table, what acts in another."""
+    name = positions[profile.coordinate]
+    others = ", the other coordinates in the middle of the data" if len(positions) > 1 else ""
+    at = "; D at half of the largest velocities" if profile.dissipation_matrix is not None else ""
+    names = positions, inputs, given
+    for curves, half, note in (
+        (profile.energy_curves(), widths and widths.energy_curves(), ""),
+        (profile.port_curves(*names), widths and widths.port_curves(*names), at),
+    ):
+        if curves:
+            rows = [
+                [number(value), *(banded(curves[head][k], None if half is None else half[head][k]) for head in curves)]
+                for k, value in enumerate(profile.values)
+            ]
+            yield TableText(f"along {name}{others}{note}", (name, *curves), rows)

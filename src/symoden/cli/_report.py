@@ -1,0 +1,140 @@
+"""`symoden report`."""
+
+import importlib.util
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from symoden.experiments import RunConfig, evaluation_solver, read_run_source, recorded_paths, score_bands
+from symoden.storage import StorageError
+
+from ._arguments import Report
+from ._evaluate import MOST_DRAWN
+from ._inspect import FINE
+from ._learned import Learned, audit_words, band_words, certainty_words, facts, tables, unseen
+from ._output import TableText, number, print_json
+from ._scores import scores_of
+
+if TYPE_CHECKING:
+    from symoden.report import PageSection, PageTable
+
+
+def run(command: Report) -> None:
+    """Write the page of a run.
+
+    Args:
+        command: What to do.
+
+    Raises:
+        ValueError: If the page could not be written, for its name or for what is not installed.
+    """
+    if command.out.suffix.lower() != ".html":
+        raise ValueError(f"`--out` must end in .html; got `{command.out}`.")
+    for module, name in (("jinja2", "Jinja2"), ("matplotlib", "matplotlib")):
+        if importlib.util.find_spec(module) is None:
+            raise ValueError(f'HTML reports need {name}; it is not installed. Install "symoden[report]".')
+    from symoden.report import write_html
+
+    learned = Learned.of(command.run)
+    config = learned.config
+    sections = [*_predictions(learned), _blocks(learned), _audit(learned), _training(command.run), _settings(config)]
+    lead = f"{config.model.kind.capitalize()} model of {config.source}, configuration space {config.data.space}."
+    write_html(command.out, title=f"symoden: {command.run.resolve().name}", lead=lead, sections=sections)
+    if command.general.json:
+        print_json({"run": str(command.run), "out": str(command.out)})
+    else:
+        print(f"the page is {command.out}")
+
+
+def _predictions(learned: Learned) -> Iterator["PageSection"]:
+    """How well recordings are predicted; nothing where the data cannot be read."""
+    from symoden.report import PageSection, draw_recorded
+
+    if learned.dataset is None:
+        return
+    split, recordings = unseen(learned.dataset)
+    bands, solver = learned.bands(), evaluation_solver(learned.config)
+    words = []
+    if bands is not None:
+        words.append(f"{band_words(score_bands(bands, recordings, split=split))}.")
+    chosen = recordings[:MOST_DRAWN]
+    paths = recorded_paths(learned.model, chosen, hold=learned.dataset.hold, solver=solver, bands=bands)
+    yield PageSection(
+        heading="Predictions",
+        words=words,
+        figure=draw_recorded(paths, learned.config.data.position_names),
+        caption=f"The first {len(chosen)} of {len(recordings)} {split} recordings, and rollouts along them.",
+        tables=[_text(scores_of(learned.model, learned.config, read_run_source(learned.config))[1])],
+    )
+
+
+def _blocks(learned: Learned) -> "PageSection":
+    """What was learned."""
+    from symoden.report import PageSection, draw_inspection
+
+    data = learned.config.data
+    found, certain = learned.inspect()
+    figure = None
+    if found.velocities is not None:
+        fine = learned.inspect(FINE)
+        figure = draw_inspection(*fine, positions=data.position_names, inputs=data.input_names)
+    return PageSection(
+        heading="What was learned",
+        words=[f"{line[0].upper()}{line[1:]}." for line in certainty_words(certain, learned.uncertain)],
+        figure=figure,
+        caption="Along each coordinate the others are in the middle of the data.",
+        tables=[
+            _text(TableText("", ("", ""), list(facts(found)))),
+            *map(_text, tables(found, certain, learned.config)),
+        ],
+        folded=True,
+    )
+
+
+def _audit(learned: Learned) -> "PageSection":
+    """The power audit."""
+    from symoden.report import PageSection
+
+    words = [f"{line[0].upper()}{line[1:]}." for line in audit_words(*learned.audit(), learned.missing)]
+    return PageSection(heading="Power audit", words=words)
+
+
+def _training(run: Path) -> "PageSection":
+    """How training went."""
+    from symoden.report import PageSection, draw_training
+
+    path = run / "metrics.jsonl"
+    try:
+        metrics = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        figure = draw_training(metrics)
+    except FileNotFoundError:
+        return PageSection(heading="Training", words=["No `metrics.jsonl` was kept."])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StorageError(f"`{path}` is damaged: {error}. Restore it, or remove it.") from None
+    return PageSection(heading="Training", figure=figure, caption="Losses of every stage of training.")
+
+
+def _settings(config: RunConfig) -> "PageSection":
+    """Everything that the run was told."""
+    from symoden.report import PageSection
+
+    def flat(value: object, name: str) -> Iterator[tuple[str, str]]:
+        if isinstance(value, dict) and value:
+            for key, item in value.items():
+                yield from flat(item, f"{name}.{key}" if name else str(key))
+        else:
+            yield name, str(value)
+
+    rows = list(flat(asdict(config), ""))
+    table = TableText("config.json", ("setting", "value"), rows)
+    return PageSection(heading="Settings and versions", tables=[_text(table)], folded=True)
+
+
+def _text(table: TableText) -> "PageTable":
+    """A table with its numbers in words."""
+    from symoden.report import PageTable
+
+    rows = [[number(cell) if isinstance(cell, float) else str(cell) for cell in row] for row in table.rows]
+    return PageTable(title=table.title, columns=table.columns, rows=rows)

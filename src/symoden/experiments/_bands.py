@@ -1,0 +1,265 @@
+"""Predictions with bands, as wide as validation recordings ask for."""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.special import ndtri
+
+from symoden.data import Dataset, Trajectory
+from symoden.integrate import HOLDS, AbstractSolver, Hold, rollout
+from symoden.mechanics import AbstractDynamics
+from symoden.training import Posterior
+
+from ._batches import Segment, Stretch, in_batches
+from ._certainty import LEVEL
+from ._evaluate import one_second_windows, paths
+
+_DEVIATIONS = 48  # Along which rollouts are linearised: a standard deviation from so many is 10 % right.
+_BINS = 20
+_BATCH = 8192  # Samples that are linearised at once.
+_TINY = 1e-12
+
+Variances: TypeAlias = Callable[[Float[np.ndarray, " N"]], Float[np.ndarray, "N n"]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandScore:
+    """How well the bands of predicted positions cover recordings that were not trained on.
+
+    Attributes:
+        level: Probability that a band is meant to cover.
+        calibrated_on: Part that set the width of the bands: validation recordings, or training without them.
+        split: Part that was looked at.
+        coverage: Share of its positions that lie in their bands, over windows of 1 s.
+        half_width: Median half width, in the data's units.
+        from_parameters: Median share of the band's variance that comes from uncertain parameters; the rest is noise and
+            what the model leaves out.
+    """
+
+    level: float
+    calibrated_on: str
+    split: str
+    coverage: float
+    half_width: float
+    from_parameters: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BandedPath:
+    """Predicted positions and their band.
+
+    Attributes:
+        ts: Time stamps of the recording [s].
+        q: Predicted coordinates; not finite where the rollout diverges.
+        half_width: Half of the band.
+        from_parameters: Share of the band's variance that comes from uncertain parameters.
+    """
+
+    ts: Float[np.ndarray, " T"]
+    q: Float[np.ndarray, "T n"]
+    half_width: Float[np.ndarray, "T n"]
+    from_parameters: Float[np.ndarray, "T n"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bands:
+    """What the bands of rollouts are made of; `calibrate_bands` makes it.
+
+    The variance of a predicted position is that of the uncertain parameters, to first order, and the mean squared error
+    on the training recordings so long after the start. A common factor makes the bands cover as much of the validation
+    recordings as they should (split conformal prediction); without any, it is the normal distribution's.
+
+    Attributes:
+        posterior: What the data say of the model's parameters.
+        hold: How inputs act between samples.
+        solver: What advances rollouts.
+        noise: Mean squared error of each coordinate so long after the start.
+        factor: Half of a band over the standard deviation.
+        calibrated_on: Part that set the factor.
+    """
+
+    posterior: Posterior
+    hold: Hold
+    solver: AbstractSolver
+    noise: Variances
+    factor: float
+    calibrated_on: str
+
+    def predict(self, stretches: Sequence[Stretch]) -> list[BandedPath]:
+        """Roll out stretches of recordings, each from its first state.
+
+        Args:
+            stretches: Stretches, of about a second: longer after the start than training tells the band stays as wide.
+
+        Returns:
+            A path for each.
+        """
+        found: dict[int, BandedPath] = {}
+        for i, path in _paths(self.posterior, stretches, self.hold, self.solver):
+            variance = path.variance + self.noise(path.elapsed)
+            found[i] = BandedPath(
+                ts=path.elapsed + stretches[i].trajectory.ts[stretches[i].start],
+                q=path.q,
+                half_width=self.factor * np.sqrt(variance),
+                from_parameters=path.variance / variance,
+            )
+        return [found[i] for i in range(len(stretches))]
+
+    def along(self, recordings: Sequence[Trajectory]) -> tuple[Float[np.ndarray, "N n"], ...]:
+        """Roll out windows of 1 s and compare them with what was measured, sample after sample.
+
+        Args:
+            recordings: Recordings.
+
+        Returns:
+            Absolute errors, half widths, and the share of the variance that comes from uncertain parameters, those
+            that are not finite left out.
+        """
+        stretches = _windows_of(recordings)
+        columns = []
+        for stretch, path in zip(stretches, self.predict(stretches), strict=True):
+            error = np.abs(path.q - stretch.q)[1:]
+            finite = np.isfinite(error).all(axis=1) & np.isfinite(path.half_width[1:]).all(axis=1)
+            columns.append([part[finite] for part in (error, path.half_width[1:], path.from_parameters[1:])])
+        return tuple(np.concatenate(column) for column in zip(*columns, strict=True))
+
+
+def calibrate_bands(posterior: Posterior, dataset: Dataset, *, solver: AbstractSolver) -> Bands:
+    """Find how wide bands must be.
+
+    Args:
+        posterior: What the data say of the model's parameters.
+        dataset: Recordings, with the validation part that training held out.
+        solver: What advances rollouts.
+
+    Returns:
+        The bands.
+
+    Raises:
+        ValueError: If there are no recordings to train on, or no rollout stays finite.
+    """
+    if not dataset.train:
+        raise ValueError("Bands need the recordings that the model was trained on; there are none.")
+    hold = HOLDS[dataset.hold]
+    model = posterior.restore(jnp.asarray(posterior.theta))
+    noise = _by_elapsed(*_errors(model, _windows_of(dataset.train), hold, solver))
+    bands = Bands(posterior=posterior, hold=hold, solver=solver, noise=noise, factor=1.0, calibrated_on="train")
+    if not dataset.validation:
+        return dataclasses.replace(bands, factor=float(ndtri((1 + LEVEL) / 2)))
+    error, deviation, _ = bands.along(dataset.validation)
+    return dataclasses.replace(bands, factor=float(np.quantile(error / deviation, LEVEL)), calibrated_on="validation")
+
+
+def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = "test") -> BandScore:
+    """See how many measured positions bands cover, over windows of 1 s.
+
+    Args:
+        bands: The bands.
+        recordings: Recordings that were not trained on.
+        split: What they are called.
+
+    Returns:
+        The score.
+
+    Raises:
+        ValueError: If there are no recordings.
+    """
+    if not recordings:
+        raise ValueError(f"Bands need recordings in the part `{split}` to be judged by; there are none.")
+    error, half, share = bands.along(recordings)
+    return BandScore(
+        level=LEVEL,
+        calibrated_on=bands.calibrated_on,
+        split=split,
+        coverage=float(np.mean(error <= half)),
+        half_width=float(np.median(half)),
+        from_parameters=float(np.median(share)),
+    )
+
+
+class _Path(NamedTuple):
+    """A rollout, and the variance that uncertain parameters explain."""
+
+    elapsed: Float[np.ndarray, " T"]
+    q: Float[np.ndarray, "T n"]
+    variance: Float[np.ndarray, "T n"]
+
+
+def _windows_of(recordings: Sequence[Trajectory]) -> list[Stretch]:
+    """Windows of 1 s; a recording that is shorter, such as a held-out end, is one window."""
+    return [
+        Stretch(trajectory=recording, start=start, stop=stop)
+        for recording in recordings
+        for start, stop in one_second_windows(recording) or [(0, len(recording))]
+    ]
+
+
+def _paths(
+    posterior: Posterior, stretches: Sequence[Stretch], hold: Hold, solver: AbstractSolver
+) -> Iterator[tuple[int, _Path]]:
+    """Rollouts of stretches, each with its index."""
+    function = eqx.Partial(_predicted, posterior.restore, *posterior.deviations(_DEVIATIONS), solver, hold)
+    for i, (q, variance) in in_batches(function, stretches, samples=_BATCH):
+        stretch = stretches[i]
+        ts = stretch.trajectory.ts[stretch.start : stretch.stop]
+        yield i, _Path(ts - ts[0], q[: len(stretch)], variance[: len(stretch)])
+
+
+def _errors(
+    model: AbstractDynamics, stretches: Sequence[Stretch], hold: Hold, solver: AbstractSolver
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, "N n"]]:
+    """Times since the start, and errors of predicted positions, those that are not finite left out."""
+    elapsed, errors = [], []
+    for i, path in paths(model, stretches, hold=hold, solver=solver):
+        error = (path.q - stretches[i].q)[1:]
+        finite = np.isfinite(error).all(axis=1)
+        ts = stretches[i].trajectory.ts[stretches[i].start : stretches[i].stop]
+        elapsed.append((ts - ts[0])[1:][finite])
+        errors.append(error[finite])
+    return np.concatenate(elapsed), np.concatenate(errors)
+
+
+@eqx.filter_jit
+def _predicted(
+    restore: eqx.Module,
+    theta: Float[Array, " P"],
+    deviations: Float[Array, "k P"],
+    solver: AbstractSolver,
+    hold: Hold,
+    batch: Segment,
+) -> tuple[Float[Array, "B T n"], Float[Array, "B T n"]]:
+    """Positions, and their variance to first order in the parameters."""
+
+    def one(segment: Segment) -> tuple[Array, Array]:
+        def positions(theta: Float[Array, " P"]) -> Float[Array, "T n"]:
+            model = restore(theta)  # pyright: ignore[reportCallIssue]
+            return rollout(model, segment.q[0], segment.rates[0], segment.ts, segment.us, solver=solver, hold=hold).q
+
+        q, push = jax.linearize(positions, theta)
+        return q, jnp.mean(jax.vmap(push)(deviations) ** 2, axis=0)
+
+    return jax.vmap(one)(batch)
+
+
+def _by_elapsed(elapsed: Float[np.ndarray, " N"], errors: Float[np.ndarray, "N n"]) -> Variances:
+    """Mean squared error of each coordinate as a function of the time since the start."""
+    if not len(elapsed):
+        raise ValueError("Bands need rollouts that stay finite; all of those along the training recordings diverge.")
+    last = float(elapsed.max())
+    edges = np.linspace(0.0, last, _BINS + 1)
+    which = np.clip(np.digitize(elapsed, edges) - 1, 0, _BINS - 1)
+    filled = [k for k in range(_BINS) if np.any(which == k)]
+    means = np.array([np.mean(errors[which == k] ** 2, axis=0) for k in filled])
+    centres = (edges[:-1] + edges[1:])[filled] / 2
+
+    def at(elapsed: Float[np.ndarray, " N"]) -> Float[np.ndarray, "N n"]:
+        return np.stack([np.interp(elapsed, centres, column) for column in means.T], axis=1) + _TINY**2
+
+    return at

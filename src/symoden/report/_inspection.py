@@ -1,0 +1,109 @@
+"""What a model learned, with its bands."""
+
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from symoden.experiments import Certainty, Inspection
+
+from ._style import COLOURS, DASHES, LABEL, SMALL, tidy
+
+_PANEL: Final = (3.2, 2.4)  # inches
+_BAND: Final = 0.22
+_LEGEND: Final = 0.15  # Room above the curves for their names, relative to their range.
+
+_Curves = Mapping[str, np.ndarray]
+
+
+def draw_inspection(
+    found: Inspection, certain: Certainty | None, *, positions: Sequence[str], inputs: Sequence[str]
+) -> Figure:
+    """Draw M, V, g and D along every coordinate, and friction along every velocity.
+
+    Args:
+        found: What was learned, at as many points as lines need.
+        certain: Half widths of its bands, if they are known.
+        positions: Names of the coordinates, a row for each.
+        inputs: Names of the inputs.
+
+    Returns:
+        A figure of its own size.
+
+    Raises:
+        ValueError: If the model has none of these.
+    """
+    rows = [_panels(found, certain, k, positions, inputs) for k in range(len(positions))]
+    columns = max(map(len, rows))
+    if not columns:
+        raise ValueError("A picture of what was learned needs a model with M, V, g or D; this kind has none.")
+    size = _PANEL[0] * columns, _PANEL[1] * len(rows) + 0.4
+    figure = Figure(figsize=size, layout="constrained")
+    panels = figure.subplots(len(rows), columns, squeeze=False)
+    for axes, row in zip(panels, rows, strict=True):
+        for ax in axes[len(row) :]:
+            ax.set_axis_off()
+        for ax, draw in zip(axes, row, strict=False):
+            draw(ax=ax)
+    if certain is not None:
+        figure.supxlabel(f"Lines: learned. Shaded: {certain.level:.0%} bands.", fontsize=LABEL)
+    return figure
+
+
+def plot_curves(
+    xs: np.ndarray, curves: _Curves, widths: _Curves | None, *, coordinate: str, symbol: str, ax: Axes
+) -> Axes:
+    """Draw curves over one coordinate or velocity with their bands.
+
+    Args:
+        xs: Values along the axis.
+        curves: Curves by name.
+        widths: Half widths of their bands.
+        coordinate: What the axis is.
+        symbol: What the curves are.
+        ax: Where.
+
+    Returns:
+        The same axes.
+    """
+    for k, (name, values) in enumerate(curves.items()):
+        colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
+        ax.plot(xs, values, color=colour, linestyle=dashes, linewidth=1.4, label=name)
+        if widths is not None:
+            ax.fill_between(xs, values - widths[name], values + widths[name], color=colour, alpha=_BAND, linewidth=0)
+    low, high = ax.get_ylim()
+    if 0 < low < high:  # How much something changes is seen beside how large it is.
+        ax.set_ylim(bottom=0.0)
+    ax.set_xlabel(coordinate, fontsize=LABEL)
+    ax.set_title(symbol, fontsize=LABEL)
+    if len(curves) > 1:
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + _LEGEND * (high - low))
+        ax.legend(fontsize=SMALL, frameon=False, loc="upper center", ncols=3, handlelength=1.6, columnspacing=1.0)
+    return tidy(ax)
+
+
+def _panels(
+    found: Inspection, certain: Certainty | None, k: int, positions: Sequence[str], inputs: Sequence[str]
+) -> list[functools.partial[Axes]]:
+    """What to draw in the row of one coordinate."""
+    profile, widths = found.profiles[k], certain and certain.profiles[k]
+    curves = profile.energy_curves() | profile.port_curves(positions, inputs, found.given)
+    half = widths and widths.energy_curves() | widths.port_curves(positions, inputs, found.given)
+    groups = {"M": "M", "V": "V - min V", "g": "g", "D": "D at half of the largest velocities"}
+    panels = []
+    for letter, symbol in groups.items():
+        chosen = {name: values for name, values in curves.items() if name.startswith(letter)}
+        if chosen:
+            draw = functools.partial(plot_curves, profile.values, chosen, half, coordinate=positions[k], symbol=symbol)
+            panels.append(draw)
+    if found.friction:
+        along, band = found.friction[k], certain and certain.friction[k]
+        force, bands = {"D v": along.force}, band and {"D v": band.force}
+        coordinate = f"velocity of {positions[k]}"
+        draw = functools.partial(plot_curves, along.velocities, force, bands, coordinate=coordinate, symbol="friction")
+        panels.append(draw)
+    return panels

@@ -1,0 +1,73 @@
+"""Recordings beside what a model predicts of them."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from symoden.experiments import RecordedPaths
+
+from ._style import COLOURS, INK, LABEL, SMALL, tidy
+
+_PANEL: Final = (4.6, 1.7)  # inches
+_BAND: Final = 0.25
+_ROOM: Final = 0.15  # Above and below what was measured, relative to its range.
+
+
+def draw_recorded(recordings: Sequence[RecordedPaths], names: Sequence[str]) -> Figure:
+    """Draw each coordinate of each recording over time, with rollouts.
+
+    Args:
+        recordings: What to draw, a row for each; at least one.
+        names: Names of the coordinates, a column for each.
+
+    Returns:
+        A figure of its own size.
+    """
+    width, height = (size * count + 0.8 for size, count in zip(_PANEL, (len(names), len(recordings)), strict=True))
+    figure = Figure(figsize=(width, height), layout="constrained")
+    panels = figure.subplots(len(recordings), len(names), squeeze=False)
+    for row, recording in zip(panels, recordings, strict=True):
+        for index, ax in enumerate(row):
+            plot_recorded(recording, index, ax=ax)
+        row[0].set_ylabel(recording.name, fontsize=SMALL)
+    for ax, name in zip(panels[0], names, strict=True):
+        ax.set_title(name, fontsize=LABEL)
+    for ax in panels[-1]:
+        ax.set_xlabel("time [s]", fontsize=LABEL)
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=INK, linewidth=1.6, label="measured"),
+        Line2D([], [], color=COLOURS[1], linestyle="--", linewidth=1.2, label="one rollout from the first sample"),
+    ]
+    if any(recording.windows for recording in recordings):
+        label = "rollouts of 1 s from measured states, with 90 % bands"
+        handles.append(Patch(facecolor=COLOURS[0], alpha=2 * _BAND, label=label))
+    figure.legend(handles=handles, fontsize=LABEL, frameon=False, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+def plot_recorded(recording: RecordedPaths, index: int, *, ax: Axes) -> Axes:
+    """Draw one coordinate of a recording and its rollouts.
+
+    Args:
+        recording: What to draw.
+        index: Which coordinate.
+        ax: Where.
+
+    Returns:
+        The same axes.
+    """
+    measured = recording.measured[:, index]
+    ax.plot(recording.ts, measured, color=INK, linewidth=1.6)
+    for path in recording.windows:
+        q, half = path.q[:, index], path.half_width[:, index]
+        ax.fill_between(path.ts, q - half, q + half, color=COLOURS[0], alpha=_BAND, linewidth=0)
+        ax.plot(path.ts, q, color=COLOURS[0], linewidth=0.9)
+    ax.plot(recording.ts, recording.whole[:, index], color=COLOURS[1], linestyle="--", linewidth=1.2)
+    room = _ROOM * float(np.ptp(measured)) or 1.0
+    ax.set_ylim(float(measured.min()) - room, float(measured.max()) + room)  # Whatever a rollout does.
+    return tidy(ax)

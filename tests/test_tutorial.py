@@ -1,0 +1,51 @@
+"""The tutorial does what it says, on the measured arm and on a small budget."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TUTORIAL = ROOT / "docs" / "tutorial.md"
+TRAIN = "symoden train arm.toml --out runs/arm"
+
+
+@pytest.fixture(scope="module")
+def data():
+    """Folder of the measured data."""
+    folder = Path(os.environ.get("SYMODEN_DATA") or ROOT.parent / "shared" / "data")
+    if not (folder / "dfki-double-pendulum").is_dir():
+        pytest.skip(f"no data of the DFKI's arm in {folder}; name their folder by SYMODEN_DATA")
+    return folder.resolve()
+
+
+def test_every_line_of_the_tutorial_runs(tmp_path, data):
+    blocks = re.findall(r"^```(sh|python)\n(.*?)^```$", TUTORIAL.read_text(), flags=re.MULTILINE | re.DOTALL)
+    assert sum(TRAIN in text for _, text in blocks) == 1
+    shells = {"sh": ["bash", "-euo", "pipefail", "-c"], "python": [sys.executable, "-c"]}
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    said = []
+    for language, text in blocks:
+        code = text.replace(TRAIN, f"{TRAIN} --max-minutes 0.2")
+        done = subprocess.run(
+            [*shells[language], code],
+            cwd=tmp_path,
+            env=os.environ | {"PATH": path, "SYMODEN_DATA": str(data)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, f"{code}\n{done.stderr}"
+        said.append(done.stdout)
+    for name in ("check.png", "predictions.png", "learned.png", "report.html", "paths.npz"):
+        assert (tmp_path / name).stat().st_size > 0
+    assert "friction, joint 1 [N m]" in said[-2]
+
+
+def test_the_pictures_of_the_tutorial_are_there():
+    shown = re.findall(r"!\[[^\]]*\]\(([^)]*)\)", TUTORIAL.read_text())
+    assert shown
+    assert [name for name in shown if not (TUTORIAL.parent / name).is_file()] == []
