@@ -29,7 +29,7 @@ class Page(HTMLParser):
         for name, value in attrs:
             assert name not in {"src", "onload"}, value
             if name in {"href", "xlink:href"}:
-                assert value.startswith("#"), "the page must need no other file"
+                assert (value or "").startswith("#"), "the page must need no other file"
         if tag not in VOID:
             self.open.append(tag)
 

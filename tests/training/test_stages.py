@@ -62,15 +62,23 @@ def test_no_block_grows_where_the_rest_explains_the_motion(stage):
 
 
 @pytest.mark.parametrize(
-    ("relevance", "errors", "kept"), [(False, -1.1, True), (False, -0.9, False), (True, 0.9, True), (True, 1.1, False)]
+    ("rung", "relevance", "errors", "kept"),
+    [
+        (1, False, -1.1, True),
+        (1, False, -0.9, False),
+        (RUNGS, False, -2.1, True),
+        (RUNGS, False, -1.9, False),
+        (1, True, 0.9, True),
+        (1, True, 1.1, False),
+    ],
 )
 def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_against_it(
-    stage, monkeypatch, relevance, errors, kept
+    stage, monkeypatch, rung, relevance, errors, kept
 ):
     stage, state = stage
     config = dataclasses.replace(stage.config, growth_steps=1, relevance_steps=1)
     data = stage.data._replace(validation=stage.data.train)
-    last = dataclasses.replace(stage, data=data, config=config, corrections=1, relevance=relevance)
+    last = dataclasses.replace(stage, data=data, config=config, corrections=rung, relevance=relevance)
     monkeypatch.setattr(type(data), "compare", lambda *_: errors)
     started = last.start(state)
     after, report = last.advance(started)
@@ -79,6 +87,38 @@ def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_agains
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
     assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)
     assert (float(after.memory.variance) > 0) == (relevance and kept)
+
+
+def test_longer_windows_begin_with_wide_priors_and_what_was_learned_comes_back_if_they_are_refused(stage, monkeypatch):
+    stage, state = stage
+    data = stage.data._replace(validation=stage.data.train)
+    config = dataclasses.replace(stage.config, growth_steps=1, prior=2.0)
+    longer = dataclasses.replace(stage, data=data, config=config, corrections=1, longer=True)
+    learned = Relevance.start(state.model, 7.0)
+    started = longer.start(state._replace(memory=learned))
+    assert {
+        float(x) for x in jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(started.memory.precision)])
+    } == {2.0}
+    monkeypatch.setattr(type(data), "compare", lambda *_: 0.5)
+    after, report = longer.advance(started)
+    assert report.finished
+    assert after.memory is learned
+
+
+def test_windows_are_twice_and_four_times_as_long_as_far_as_there_are_enough(pendulum, small, quick, monkeypatch):
+    monkeypatch.setattr(_fit, "_FEWEST", 2)
+    dataset = pendulum()
+    dataset = dataclasses.replace(dataset, train=dataset.train[1:], validation=dataset.train[:1])
+    model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
+    samples = min(map(len, dataset.train))
+    for horizon, factors in ((samples // 4 - 1, [2, 4]), (samples // 3, [2]), (samples - 1, [])):
+        data = _fit.levenberg_data(dataset, model, dataclasses.replace(quick, lm_horizon=horizon))
+        longer = _fit._longer(dataset, model, data, dataclasses.replace(quick, lm_horizon=None))
+        assert [each.train.ts.shape[1] - 1 for each in longer] == [factor * horizon for factor in factors]
+        assert all(each.validation is not None for each in longer)
+        assert _fit._longer(dataset, model, data, dataclasses.replace(quick, lm_horizon=horizon)) == []  # as asked for
+    monkeypatch.setattr(_fit, "_FEWEST", 10**6)
+    assert _fit._longer(dataset, model, data, quick) == []
 
 
 def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):

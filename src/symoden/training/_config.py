@@ -24,14 +24,15 @@ class TrainingConfig:
         keep_best: Keep the model with the least validation loss; otherwise Adam's last one, as in the paper.
         scaled_loss: Weigh each channel by the spread of its change over a window; the paper weighs all alike.
         lm_steps: Largest number of Levenberg-Marquardt steps; 0 leaves the phase out.
-        lm_horizon: Steps that Levenberg-Marquardt predicts; chosen from the data's time scale if None.
+        lm_horizon: Steps that Levenberg-Marquardt predicts; chosen from the data's time scale if None, and at the end
+            doubled twice where validation gains by more than its standard error.
         lm_substeps: RK4 steps in each sampling interval then; chosen by their error if None.
         damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
         prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance; where priors are
             learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
         growth_steps: Further steps in which dry and quadratic friction is free, and as many again in which the blocks'
-            networks are; kept if validation gains by more than its standard error.
+            networks are; kept if validation gains by more than its standard error, networks if by more than two.
         relevance_steps: Steps between the two in which every group of parameters learns a prior of its own, so that
             noisy data use no more parameters than they determine; kept unless validation speaks against it.
     """

@@ -1,7 +1,8 @@
 """Fit a model to recordings: Adam finds the basin, Levenberg-Marquardt reaches the bottom."""
 
+import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +31,8 @@ from ._stages import AbstractStage, AdamStage, Data, LevenbergStage, TrainingSta
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
 _LM_HORIZON = 2.0
 _SHORTEST = 3
+_LONGER = (2, 4)  # Times as long as Levenberg-Marquardt's windows.
+_FEWEST = 20  # Of them, or they stay as they are.
 
 
 class TrainingError(RuntimeError):
@@ -161,7 +164,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         data = levenberg_data(dataset, dynamics, config)
         if free:
             stages.append(LevenbergStage(data, config))
-        stages.extend(_further(dynamics, data, config))
+        stages.extend(_further(dynamics, data, _longer(dataset, dynamics, data, config), config))
     state = TrainingState(
         stage=0,
         step=0,
@@ -177,8 +180,12 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     return stages, state
 
 
-def _further(dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[LevenbergStage]:
+def _further(
+    dynamics: AbstractDynamics, data: Data, longer: Sequence[Data], config: TrainingConfig
+) -> list[LevenbergStage]:
     """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks.
+
+    At last come longer windows, for all but the networks: short ones would undo what these find.
 
     Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
     narrowed.
@@ -193,7 +200,33 @@ def _further(dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> 
     judged = max(low, default=0)
     if config.relevance_steps and 0 < counts[judged] <= MOST_PARAMETERS:
         stages.insert(len(low), LevenbergStage(data, config, corrections=judged, relevance=True))
+    stages.extend(LevenbergStage(each, config, corrections=judged, longer=True) for each in longer)
     return stages
+
+
+def _longer(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[Data]:
+    """The same recordings in longer windows, as far as there are enough; those of validation are as long as can be.
+
+    What friction and gravity do to a swing adds up over its periods, while the error of the first state does not: the
+    longer a rollout, the more it tells of the mechanism, once a model is good enough to follow it.
+
+    Returns:
+        Windows twice and four times as long.
+    """
+    found = []
+    for factor in _LONGER if config.lm_horizon is None else ():
+        horizon = factor * (data.train.ts.shape[1] - 1)
+        if horizon >= min(map(len, dataset.train)):
+            break
+        blind = dataclasses.replace(dataset, validation=())
+        long = _data(blind, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
+        if long.train.ts.shape[0] < _FEWEST:
+            break
+        if dataset.validation:
+            steps = min(horizon, min(map(len, dataset.validation)) - 1)
+            long = long._replace(validation=Batch.of(windows(dataset.validation, steps, stride=steps), jnp.float64))
+        found.append(long)
+    return found
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:

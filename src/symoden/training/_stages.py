@@ -12,7 +12,7 @@ import numpy as np
 import optax
 from jaxtyping import Float, PyTree
 
-from symoden.blocks import trainable
+from symoden.blocks import RUNGS, trainable
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
@@ -31,6 +31,7 @@ _EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which 
 _EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
 _STATES = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
+_NETWORKS = 2  # Standard errors that networks must gain: they are many numbers, and extrapolate badly.
 _STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
 
 
@@ -218,16 +219,21 @@ class LevenbergStage(AbstractStage):
         corrections: Up to which rung corrections are free: none, those of friction, all. A stage that frees some is
             skipped where nothing is left to explain.
         relevance: Learn the priors too. What comes of it is kept unless validation speaks against it.
+        longer: These are longer windows than those before; priors are as wide as at first, and what comes of it is kept
+            if it gains as much as corrections must.
     """
 
     data: Data
     config: TrainingConfig
     corrections: int = 0
     relevance: bool = False
+    longer: bool = False
 
     @property
     def name(self) -> str:
         """What reports call it."""
+        if self.longer:
+            return "longer windows"
         return "relevance" if self.relevance else ("levenberg-marquardt", "friction", "growth")[self.corrections]
 
     @property
@@ -242,13 +248,15 @@ class LevenbergStage(AbstractStage):
         best = cast(state.best, self.data.train.q.dtype)
         judged = self.data.train if self.data.validation is None else self.data.validation
         loss = evaluate_loss(best, self._objective(state.substeps), judged)
-        known = isinstance(state.memory, Relevance)
-        priors = state.memory if known else Relevance.start(best, self.config.prior)
+        # Longer windows tell of parameters that shorter ones do not, and whose priors were narrowed.
+        fresh = Relevance.start(best, self.config.prior)
+        known = state.memory if isinstance(state.memory, Relevance) else fresh
+        priors = fresh if self.longer else known
         return state._replace(
             step=0,
             model=best,
             best=best,
-            incumbent=(best, priors),
+            incumbent=(best, known),
             best_loss=loss,
             memory=priors,
             damping=self.config.damping,
@@ -289,7 +297,8 @@ class LevenbergStage(AbstractStage):
         )
         ended, outcome = self._ended(state)
         if ended and self.corrections and self.data.validation is not None:
-            state = self._defended(state, kept=self.data.compare(state.best, state.incumbent[0], objective) < -1)
+            gain = -self.data.compare(state.best, state.incumbent[0], objective)
+            state = self._defended(state, kept=gain > (_NETWORKS if self.corrections == RUNGS else 1))
         return state, Report(step.after, validation, ended, outcome)
 
     def _learned(
