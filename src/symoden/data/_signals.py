@@ -10,7 +10,7 @@ _ORDER: Final = 5  # Windows of one more sample see no motion that is a polynomi
 _SIGMA: Final = 1.4826  # standard deviation of a Gaussian over the median of its absolute value
 _MODES, _PARTS, _RECURS = 5, 6, 0.003
 _ON_GRID, _NEAR, _TINY = 0.85, 0.1, 1e-3
-_LEAST_CHANGES = 0.05  # share of the samples; a staircase changes more seldom, and is no rounding
+_LEAST_CHANGES = 0.01  # share of the samples; a staircase changes more seldom, and is no rounding
 _MOST_ALIKE = 0.99  # share of changes by the same multiple; those of a ramp are all alike
 _LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
 
