@@ -32,7 +32,8 @@ class TrainingConfig:
             learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
         growth_steps: Further steps in which dry and quadratic friction is free, and as many again in which the blocks'
-            networks are; kept if validation gains by more than its standard error, networks if by more than two.
+            networks are, and in longer windows; kept if validation gains by more than its standard error, networks if
+            by more than two.
         relevance_steps: Steps between the two in which every group of parameters learns a prior of its own, so that
             noisy data use no more parameters than they determine; kept unless validation speaks against it.
     """

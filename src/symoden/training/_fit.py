@@ -200,7 +200,8 @@ def _further(
     judged = max(low, default=0)
     if config.relevance_steps and 0 < counts[judged] <= MOST_PARAMETERS:
         stages.insert(len(low), LevenbergStage(data, config, corrections=judged, relevance=True))
-    stages.extend(LevenbergStage(each, config, corrections=judged, longer=True) for each in longer)
+    if config.growth_steps:
+        stages.extend(LevenbergStage(each, config, corrections=judged, longer=True) for each in longer)
     return stages
 
 
@@ -216,7 +217,7 @@ def _longer(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: Tr
     found = []
     for factor in _LONGER if config.lm_horizon is None else ():
         horizon = factor * (data.train.ts.shape[1] - 1)
-        if horizon >= min(map(len, dataset.train)):
+        if 2 * horizon >= min(map(len, dataset.train)):  # As of shorter ones, two or more fill a recording.
             break
         blind = dataclasses.replace(dataset, validation=())
         long = _data(blind, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)

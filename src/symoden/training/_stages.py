@@ -241,7 +241,7 @@ class LevenbergStage(AbstractStage):
         """Largest number of steps."""
         if self.relevance:
             return self.config.relevance_steps
-        return self.config.growth_steps if self.corrections else self.config.lm_steps
+        return self.config.growth_steps if self.corrections or self.longer else self.config.lm_steps
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
