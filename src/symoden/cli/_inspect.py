@@ -7,8 +7,6 @@ from ._figure import check_figure, save_figure
 from ._learned import Learned, audit_as_json, audit_words, certainty_words, facts, tables
 from ._output import print_json, print_table
 
-FINE = 61  # Points of a line.
-
 
 def run(command: Inspect) -> None:
     """Show what the model of a run learned.
@@ -21,11 +19,7 @@ def run(command: Inspect) -> None:
     found, certain = learned.inspect()
     split, audited = learned.audit()
     if command.figure is not None:
-        from symoden.report import draw_inspection
-
-        data = learned.config.data
-        fine = learned.inspect(FINE)
-        save_figure(draw_inspection(*fine, positions=data.position_names, inputs=data.input_names), command.figure)
+        save_figure(learned.draw(), command.figure)
     if command.general.json:
         audit = audit_as_json(split, audited, learned.missing)
         print_json(_as_json(found, audit, _certainty_as_json(certain, learned.uncertain)))

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from symoden.data import Dataset, Trajectory
 from symoden.experiments import (
@@ -13,6 +14,7 @@ from symoden.experiments import (
     Inspection,
     Profile,
     RunConfig,
+    Source,
     audit,
     calibrate_bands,
     certainty,
@@ -21,6 +23,7 @@ from symoden.experiments import (
     read_model,
     read_run,
     read_run_source,
+    recorded_paths,
 )
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
@@ -29,6 +32,8 @@ from symoden.training import Posterior, hold_out, infer_posterior
 from ._output import TableText, number
 
 ROWS = 5  # Of a table.
+MOST_DRAWN = 8  # Recordings in one figure.
+_FINE = 61  # Points of a line.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +43,7 @@ class Learned:
     Attributes:
         config: Settings of the run.
         model: Its model.
-        dataset: Its data; None where they cannot be read any more.
+        source: Its data; None where they cannot be read any more.
         missing: Why not.
         posterior: What the data say of the model's parameters, where that is known.
         uncertain: Why there are no bands on M, V, g and D.
@@ -46,7 +51,7 @@ class Learned:
 
     config: RunConfig
     model: AbstractDynamics
-    dataset: Dataset | None
+    source: Source | None
     missing: str
     posterior: Posterior | None
     uncertain: str
@@ -62,21 +67,19 @@ class Learned:
             What is known.
         """
         config, model = read_run(run), read_model(run)
-        dataset, posterior, missing = None, None, ""
+        source, posterior, missing = None, None, ""
         try:
-            dataset = read_run_source(config).dataset
+            source = read_run_source(config)
         except ValueError as error:
             missing = " ".join(str(error).split())
         uncertain = f"the run's data cannot be read: {missing}"
-        if dataset is not None:
+        if source is not None:
             uncertain = "" if isinstance(model, StructuredModel) else "this kind of model has no M, V, g and D"
             try:
-                posterior = infer_posterior(model, dataset, config.training)
+                posterior = infer_posterior(model, source.dataset, config.training)
             except ValueError as error:
                 uncertain = str(error)
-        return cls(
-            config=config, model=model, dataset=dataset, missing=missing, posterior=posterior, uncertain=uncertain
-        )
+        return cls(config=config, model=model, source=source, missing=missing, posterior=posterior, uncertain=uncertain)
 
     def inspect(self, points: int = ROWS) -> tuple[Inspection, Certainty | None]:
         """Evaluate the blocks over the data's range, with bands where these are known.
@@ -97,10 +100,23 @@ class Learned:
 
     def bands(self) -> Bands | None:
         """What makes bands of rollouts, where that is known."""
-        if self.posterior is None or self.dataset is None:
+        if self.posterior is None or self.source is None:
             return None
-        held = hold_out(self.dataset, self.config.training)
-        return calibrate_bands(self.posterior, held, solver=evaluation_solver(self.config))
+        return bands_of(self.posterior, self.config, self.source.dataset)
+
+    def draw(self) -> Any:  # noqa: ANN401 - only `report` knows matplotlib
+        """Figure of the blocks over the data's range.
+
+        Returns:
+            The figure.
+
+        Raises:
+            ValueError: If the model has none.
+        """
+        from symoden.report import draw_inspection
+
+        data = self.config.data
+        return draw_inspection(*self.inspect(_FINE), positions=data.position_names, inputs=data.input_names)
 
     def audit(self) -> tuple[str, Audit | None]:
         """Check the balance of powers on recordings that were not trained on.
@@ -108,9 +124,9 @@ class Learned:
         Returns:
             The part that they are of, and the audit; None without data.
         """
-        if self.dataset is None:
+        if self.source is None:
             return "", None
-        split, recordings = unseen(self.dataset)
+        split, recordings = unseen(self.source.dataset)
         data = self.config.data
         solver = evaluation_solver(self.config)
         return split, audit(self.model, recordings, ranges=data.ranges, hold=data.hold, solver=solver)
@@ -126,6 +142,39 @@ def unseen(dataset: Dataset) -> tuple[str, tuple[Trajectory, ...]]:
         The name of the part, and its recordings.
     """
     return ("test", dataset.test) if dataset.test else ("train", dataset.train)
+
+
+def bands_of(posterior: Posterior, config: RunConfig, dataset: Dataset) -> Bands:
+    """Bands of a run's rollouts, as wide as the recordings that its training held out ask for.
+
+    Args:
+        posterior: What the data say of the model's parameters.
+        config: Settings of the run.
+        dataset: Its data.
+
+    Returns:
+        The bands.
+    """
+    return calibrate_bands(posterior, hold_out(dataset, config.training), solver=evaluation_solver(config))
+
+
+def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, bands: Bands | None) -> Any:  # noqa: ANN401
+    """Figure of the first recordings that were not trained on, with rollouts along them.
+
+    Args:
+        model: The run's model.
+        config: Settings of the run.
+        dataset: Recordings.
+        bands: Bands, if they are to be drawn.
+
+    Returns:
+        The figure.
+    """
+    from symoden.report import draw_recorded
+
+    chosen = unseen(dataset)[1][:MOST_DRAWN]
+    paths = recorded_paths(model, chosen, hold=dataset.hold, solver=evaluation_solver(config), bands=bands)
+    return draw_recorded(paths, config.data.position_names)
 
 
 def facts(found: Inspection) -> Iterator[tuple[str, str]]:

@@ -7,13 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from symoden.experiments import RunConfig, evaluation_solver, read_run_source, recorded_paths, score_bands
+from symoden.experiments import RunConfig, score_bands
 from symoden.storage import StorageError
 
 from ._arguments import Report
-from ._evaluate import MOST_DRAWN
-from ._inspect import FINE
-from ._learned import Learned, audit_words, band_words, certainty_words, facts, tables, unseen
+from ._learned import MOST_DRAWN, Learned, audit_words, band_words, certainty_words, draw_unseen, facts, tables, unseen
 from ._output import TableText, number, print_json
 from ._scores import scores_of
 
@@ -50,36 +48,32 @@ def run(command: Report) -> None:
 
 def _predictions(learned: Learned) -> Iterator["PageSection"]:
     """How well recordings are predicted; nothing where the data cannot be read."""
-    from symoden.report import PageSection, draw_recorded
+    from symoden.report import PageSection
 
-    if learned.dataset is None:
+    if learned.source is None:
         return
-    split, recordings = unseen(learned.dataset)
-    bands, solver = learned.bands(), evaluation_solver(learned.config)
+    model, config, dataset = learned.model, learned.config, learned.source.dataset
+    split, recordings = unseen(dataset)
+    bands = learned.bands()
     words = []
     if bands is not None:
         words.append(f"{band_words(score_bands(bands, recordings, split=split))}.")
-    chosen = recordings[:MOST_DRAWN]
-    paths = recorded_paths(learned.model, chosen, hold=learned.dataset.hold, solver=solver, bands=bands)
+    drawn = min(MOST_DRAWN, len(recordings))
     yield PageSection(
         heading="Predictions",
         words=words,
-        figure=draw_recorded(paths, learned.config.data.position_names),
-        caption=f"The first {len(chosen)} of {len(recordings)} {split} recordings, and rollouts along them.",
-        tables=[_text(scores_of(learned.model, learned.config, read_run_source(learned.config))[1])],
+        figure=draw_unseen(model, config, dataset, bands),
+        caption=f"The first {drawn} of {len(recordings)} {split} recordings, and rollouts along them.",
+        tables=[_text(scores_of(model, config, learned.source)[1])],
     )
 
 
 def _blocks(learned: Learned) -> "PageSection":
     """What was learned."""
-    from symoden.report import PageSection, draw_inspection
+    from symoden.report import PageSection
 
-    data = learned.config.data
     found, certain = learned.inspect()
-    figure = None
-    if found.velocities is not None:
-        fine = learned.inspect(FINE)
-        figure = draw_inspection(*fine, positions=data.position_names, inputs=data.input_names)
+    figure = None if found.velocities is None else learned.draw()
     return PageSection(
         heading="What was learned",
         words=[f"{line[0].upper()}{line[1:]}." for line in certainty_words(certain, learned.uncertain)],

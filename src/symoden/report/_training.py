@@ -37,10 +37,12 @@ def plot_training(metrics: Sequence[Mapping[str, Any]], *, ax: Axes) -> Axes:
     Returns:
         The same axes.
     """
-    for key, colour, dashes in (("loss", COLOURS[0], "-"), ("validation", COLOURS[1], "--")):
+    for key, name, colour, dashes in (
+        ("loss", "training", COLOURS[0], "-"),
+        ("validation", "validation", COLOURS[1], "--"),
+    ):
         known = [(line["seconds"], line[key]) for line in metrics if line[key]]
         if known:
-            name = {"loss": "training", "validation": "validation"}[key]
             ax.plot(*zip(*known, strict=True), color=colour, linestyle=dashes, linewidth=1.4, label=name)
     began = 0.0
     for stage, lines in groupby(metrics, key=lambda line: line["stage"]):
