@@ -1,6 +1,7 @@
 """Training through the command line: what it prints and leaves behind, and how it goes on."""
 
 import json
+import shutil
 
 import equinox as eqx
 import numpy as np
@@ -119,6 +120,23 @@ def test_a_resumed_run_ends_as_one_that_was_never_stopped(trained, arm, tmp_path
     assert (tmp_path / "run" / "model.safetensors").is_file()
     assert main([*words, "--resume"]) == 0
     assert same_weights(trained, tmp_path / "run")
+
+
+def test_members_join_a_run_that_has_ended_and_make_its_bands(trained, arm, tmp_path, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(trained, run)
+    words = ["train", str(arm), "--out", str(run), "--resume"]
+    assert main([*words, "--members", "1"]) == 2
+    assert "at least 2" in capsys.readouterr().err
+    assert main([*words, "--members", "2"]) == 0
+    assert "2 models from other initial weights" in capsys.readouterr().out
+    assert same_weights(run, trained)
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["members"] == 2
+    assert main(["inspect", str(run)]) == 0
+    assert "from 2 models from other initial weights" in " ".join(capsys.readouterr().out.split())
+    assert main(["evaluate", str(run), "--bands"]) == 0
+    assert "90% bands" in capsys.readouterr().out
 
 
 def test_resuming_where_nothing_is_starts_a_run(trained, arm, tmp_path, capsys):

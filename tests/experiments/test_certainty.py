@@ -3,6 +3,7 @@
 import dataclasses
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +13,7 @@ from symoden.data import Dataset
 from symoden.experiments import Ranges, calibrate_bands, certainty, inspect_model, score_bands, simulate, task
 from symoden.integrate import RK4
 from symoden.models import BlockConfig, ModelConfig, rescale
-from symoden.training import TrainingConfig, fit, hold_out, infer_posterior
+from symoden.training import Ensemble, TrainingConfig, fit, hold_out, infer_posterior
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(
@@ -35,11 +36,17 @@ def noisy(recordings, seed):
 
 
 @pytest.fixture(scope="module")
-def learned() -> tuple:
+def trained() -> tuple:
     """A pendulum in noise, without anything that fixes the scale."""
     clean = simulate(task("pendulum"), train_initials=12, test_initials=12).dataset
     dataset: Dataset = dataclasses.replace(clean, train=noisy(clean.train, 0), test=noisy(clean.test, 1))
-    return fit(dataset, model=MODEL, config=STEPS).model, dataset
+    return fit(dataset, model=MODEL, config=STEPS, members=4), dataset
+
+
+@pytest.fixture(scope="module")
+def learned(trained) -> tuple:
+    """The model and its data."""
+    return trained[0].model, trained[1]
 
 
 def bands(model, dataset) -> tuple[Any, Any]:
@@ -68,6 +75,35 @@ def test_the_gauge_changes_no_relative_band(learned):
     assert other.relative == pytest.approx(one.relative, rel=1e-3, abs=1e-9)
 
 
+def test_members_that_differ_in_the_gauge_alone_differ_in_nothing(learned):
+    model, dataset = learned
+
+    def in_units(change) -> Any:
+        return lambda theta: change(model, float(theta[0]))
+
+    units = np.array([[0.5], [2.0], [3.0]])
+    ensemble = Ensemble(
+        restore=in_units(rescale),
+        theta=np.ones(1),
+        windows=10,
+        members=units,
+        tried=3,
+        corrections=0,
+    )
+    found = inspect_model(model, Ranges.of(dataset.train))
+    band = certainty(ensemble, found)
+    assert band.relative == pytest.approx(dict.fromkeys(band.relative, 0.0), abs=1e-5)
+    assert (band.members, band.tried, band.effective) == (3, 3, None)
+    uneven = dataclasses.replace(ensemble, restore=in_units(spoilt))
+    assert certainty(uneven, found).relative["D"] > 0.1
+
+
+def spoilt(model, factor):
+    """Other friction, all else the same."""
+    other = rescale(model, factor)
+    return eqx.tree_at(lambda one: one.friction, model, other.friction)
+
+
 def test_more_noise_is_less_certain_and_a_coupling_that_is_not_there_is_not_told(learned):
     model, dataset = learned
     _, band = bands(model, dataset)
@@ -77,9 +113,11 @@ def test_more_noise_is_less_certain_and_a_coupling_that_is_not_there_is_not_told
     assert band.effective <= band.parameters
 
 
-def test_bands_cover_what_they_say(learned):
-    model, dataset = learned
-    held, posterior = hold_out(dataset, STEPS), infer_posterior(model, dataset, STEPS)
+@pytest.mark.parametrize("kind", ["laplace", "ensemble"])
+def test_bands_cover_what_they_say(trained, kind):
+    result, dataset = trained
+    held = hold_out(dataset, STEPS)
+    posterior = result.ensemble if kind == "ensemble" else infer_posterior(result.model, dataset, STEPS)
     score = score_bands(calibrate_bands(posterior, held, solver=RK4(2)), held.test)
     assert score.calibrated_on == "validation"
     assert score.coverage == pytest.approx(0.9, abs=0.04)

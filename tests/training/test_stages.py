@@ -13,7 +13,7 @@ from symoden.models import build
 from symoden.spaces import Space
 from symoden.training import _fit, _levenberg_marquardt as _levenberg
 from symoden.training._relevance import Relevance
-from symoden.training._stages import LevenbergStage, TrainingState
+from symoden.training._stages import Incumbent, LevenbergStage, TrainingState
 
 
 @pytest.fixture
@@ -30,8 +30,9 @@ def stage(pendulum, small, quick):
         substeps=1,
         best=model,
         best_loss=1.0,
+        origin=0,
         stale=0,
-        incumbent=(model, None),
+        incumbent=Incumbent(model, None, 0),
     )
     return LevenbergStage(data, quick), state
 
@@ -139,7 +140,7 @@ def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):
 
 def test_models_are_compared_window_against_window(stage):
     stage, state = stage
-    objective = stage._objective(1)
+    objective = stage.objective(1)
     data = stage.data._replace(validation=stage.data.train)
     worse = jax.tree.map(lambda x: 1.5 * x if eqx.is_inexact_array(x) else x, state.model)
     assert data.compare(state.model, state.model, objective) == 0

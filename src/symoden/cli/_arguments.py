@@ -61,6 +61,8 @@ class Train:
         seed: Seed of a task's initial conditions, of the initial weights and of the batches.
         trajectories: Number of a task's training trajectories, chosen at random; more are simulated where needed.
         noise: Standard deviation of Gaussian noise on every coordinate and rate of a task's training trajectories.
+        members: Also train this many models like it, from other initial weights on windows drawn with replacement: how
+            they scatter makes the bands of `inspect`, `evaluate` and `report`. With --resume, of a run that has ended.
         resume: Continue the run in the folder, with its settings.
         max_minutes: Stop after this time with the best model so far.
         general: How to report.
@@ -74,6 +76,7 @@ class Train:
     seed: Annotated[int | None, arg(metavar="INT", help_behavior_hint="(default: 0)")] = None
     trajectories: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: the task's)")] = None
     noise: Annotated[float | None, arg(metavar="S", help_behavior_hint="(default: 0)")] = None
+    members: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: 0)")] = None
     resume: bool = False
     max_minutes: Annotated[float | None, arg(metavar="M", help_behavior_hint="(default: no limit)")] = None
     general: General = field(default_factory=General)

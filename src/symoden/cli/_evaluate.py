@@ -2,8 +2,7 @@
 
 from dataclasses import asdict
 
-from symoden.experiments import read_model, read_run, read_run_source, score_bands
-from symoden.training import infer_posterior
+from symoden.experiments import read_model, read_posterior, read_run, read_run_source, score_bands
 
 from ._arguments import Evaluate
 from ._figure import check_figure, save_figure
@@ -26,7 +25,7 @@ def run(command: Evaluate) -> None:
     bands = score = None
     if command.bands:
         own = source if command.source is None else read_run_source(config)
-        bands = bands_of(infer_posterior(model, own.dataset, config.training), config, own.dataset)
+        bands = bands_of(read_posterior(command.run, model, config, own.dataset), config, own.dataset)
         score = score_bands(bands, source.dataset.test)
     if command.figure is not None:
         save_figure(draw_unseen(model, config, source.dataset, bands), command.figure)

@@ -21,13 +21,14 @@ from symoden.experiments import (
     evaluation_solver,
     inspect_model,
     read_model,
+    read_posterior,
     read_run,
     read_run_source,
     recorded_paths,
 )
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
-from symoden.training import Posterior, hold_out, infer_posterior
+from symoden.training import AbstractPosterior, hold_out
 
 from ._output import TableText, number
 
@@ -53,7 +54,7 @@ class Learned:
     model: AbstractDynamics
     source: Source | None
     missing: str
-    posterior: Posterior | None
+    posterior: AbstractPosterior | None
     uncertain: str
 
     @classmethod
@@ -76,7 +77,7 @@ class Learned:
         if source is not None:
             uncertain = "" if isinstance(model, StructuredModel) else "this kind of model has no M, V, g and D"
             try:
-                posterior = infer_posterior(model, source.dataset, config.training)
+                posterior = read_posterior(run, model, config, source.dataset)
             except ValueError as error:
                 uncertain = str(error)
         return cls(config=config, model=model, source=source, missing=missing, posterior=posterior, uncertain=uncertain)
@@ -144,7 +145,7 @@ def unseen(dataset: Dataset) -> tuple[str, tuple[Trajectory, ...]]:
     return ("test", dataset.test) if dataset.test else ("train", dataset.train)
 
 
-def bands_of(posterior: Posterior, config: RunConfig, dataset: Dataset) -> Bands:
+def bands_of(posterior: AbstractPosterior, config: RunConfig, dataset: Dataset) -> Bands:
     """Bands of a run's rollouts, as wide as the recordings that its training held out ask for.
 
     Args:
@@ -238,13 +239,34 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
     if certain is None:
         yield f"no bands: {missing}"
         return
-    yield (
-        f"± is half of a {certain.level:.0%} band, to first order; {certain.windows} windows determine "
-        f"{certain.effective:.0f} of {certain.parameters} free parameters"
-    )
+    if certain.members is None:
+        yield (
+            f"± is half of a {certain.level:.0%} band, to first order; {certain.windows} windows determine "
+            f"{certain.effective:.0f} of {certain.parameters} free parameters"
+        )
+    else:
+        models = ensemble_words(certain.members, certain.tried or 0)
+        yield (
+            f"± is half of a {certain.level:.0%} band, from {models}, each trained on {certain.windows} windows drawn "
+            "with replacement"
+        )
     yield "typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in certain.relative.items() if value)
     if certain.undetermined:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
+
+
+def ensemble_words(members: int, tried: int) -> str:
+    """How many models there are of an ensemble.
+
+    Args:
+        members: Number of models.
+        tried: Number of models that were trained.
+
+    Returns:
+        The words.
+    """
+    astray = f" ({tried - members} more ended in another basin)" if tried > members else ""
+    return f"{members} models from other initial weights{astray}"
 
 
 def band_words(score: BandScore) -> str:

@@ -21,6 +21,7 @@ from symoden.models import KINDS
 from symoden.training import FitResult
 
 from ._arguments import Train
+from ._learned import ensemble_words
 from ._output import print_json
 from ._progress import show_progress
 from ._scores import report_scores
@@ -58,6 +59,9 @@ def run(command: Train) -> None:
         print_json(_as_json(command, result) | scores)
     else:
         print(f"{result.outcome}, after {result.seconds:.0f} s; {count_parameters(result.model)} parameters")
+        if result.ensemble is not None:
+            words = ensemble_words(len(result.ensemble.members), result.ensemble.tried)
+            print(f"{words}; how they scatter makes the bands of evaluate, inspect and report")
         print(f"the run is in {command.out}")
 
 
@@ -84,6 +88,7 @@ def _new(command: Train) -> tuple[RunConfig, Source]:
         preset=name,
         trajectories=command.trajectories,
         noise=noise,
+        members=command.members or 0,
         model=model,
         training=dataclasses.replace(training, seed=seed),
         data=summarize(source.dataset),
@@ -109,6 +114,8 @@ def _continued(command: Train) -> tuple[RunConfig, Source]:
                 f"`{option}` must be that of the run in `{command.out}` to continue it, {saved!r}; got {given!r}. "
                 "Leave it out, or start another run."
             )
+    if command.members is not None:
+        config = dataclasses.replace(config, members=command.members)
     source = read_run_source(config)
     if source.task is None and summarize(source.dataset).digest != config.data.digest:
         raise ValueError(
@@ -137,4 +144,5 @@ def _as_json(command: Train, result: FitResult) -> dict[str, object]:
         "parameters": count_parameters(result.model),
         "loss": result.loss,
         "seconds": result.seconds,
+        "members": None if result.ensemble is None else len(result.ensemble.members),
     }

@@ -7,21 +7,18 @@ from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.special import ndtri
 
 from symoden.data import Dataset, Trajectory
 from symoden.integrate import HOLDS, AbstractSolver, Hold, rollout
 from symoden.mechanics import AbstractDynamics
-from symoden.training import Posterior
+from symoden.training import AbstractPosterior, AbstractScatter
 
 from ._batches import Segment, Stretch, in_batches
 from ._certainty import LEVEL
 from ._evaluate import one_second_windows, paths
 
-_DEVIATIONS = 48  # Along which rollouts are linearised: a standard deviation from so many is 10 % right.
 _BINS = 20
 _BATCH = 8192  # Samples that are linearised at once.
 _TINY = 1e-12
@@ -72,7 +69,7 @@ class BandedPath:
 class Bands:
     """What the bands of rollouts are made of; `calibrate_bands` makes it.
 
-    The variance of a predicted position is that of the uncertain parameters, to first order, and the mean squared error
+    The variance of a predicted position is that of the uncertain parameters and the mean squared error
     on the training recordings so long after the start. A common factor makes the bands cover as much of the validation
     recordings as they should (split conformal prediction); without any, it is the normal distribution's.
 
@@ -85,7 +82,7 @@ class Bands:
         calibrated_on: Part that set the factor.
     """
 
-    posterior: Posterior
+    posterior: AbstractPosterior
     hold: Hold
     solver: AbstractSolver
     noise: Variances
@@ -131,7 +128,7 @@ class Bands:
         return tuple(np.concatenate(column) for column in zip(*columns, strict=True))
 
 
-def calibrate_bands(posterior: Posterior, dataset: Dataset, *, solver: AbstractSolver) -> Bands:
+def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: AbstractSolver) -> Bands:
     """Find how wide bands must be.
 
     Args:
@@ -148,11 +145,10 @@ def calibrate_bands(posterior: Posterior, dataset: Dataset, *, solver: AbstractS
     if not dataset.train:
         raise ValueError("Bands need the recordings that the model was trained on; there are none.")
     hold = HOLDS[dataset.hold]
-    model = posterior.restore(jnp.asarray(posterior.theta))
-    noise = _by_elapsed(*_errors(model, _windows_of(dataset.train), hold, solver))
+    noise = _by_elapsed(*_errors(posterior.model, _windows_of(dataset.train), hold, solver))
     bands = Bands(posterior=posterior, hold=hold, solver=solver, noise=noise, factor=1.0, calibrated_on="train")
     if not dataset.validation:
-        return dataclasses.replace(bands, factor=float(ndtri((1 + LEVEL) / 2)))
+        return dataclasses.replace(bands, factor=posterior.quantile(LEVEL))
     error, deviation, _ = bands.along(dataset.validation)
     return dataclasses.replace(bands, factor=float(np.quantile(error / deviation, LEVEL)), calibrated_on="validation")
 
@@ -202,10 +198,10 @@ def _windows_of(recordings: Sequence[Trajectory]) -> list[Stretch]:
 
 
 def _paths(
-    posterior: Posterior, stretches: Sequence[Stretch], hold: Hold, solver: AbstractSolver
+    posterior: AbstractPosterior, stretches: Sequence[Stretch], hold: Hold, solver: AbstractSolver
 ) -> Iterator[tuple[int, _Path]]:
     """Rollouts of stretches, each with its index."""
-    function = eqx.Partial(_predicted, posterior.restore, *posterior.deviations(_DEVIATIONS), solver, hold)
+    function = eqx.Partial(_predicted, posterior.scatter(), solver, hold)
     for i, (q, variance) in in_batches(function, stretches, samples=_BATCH):
         stretch = stretches[i]
         ts = stretch.trajectory.ts[stretch.start : stretch.stop]
@@ -228,22 +224,15 @@ def _errors(
 
 @eqx.filter_jit
 def _predicted(
-    restore: eqx.Module,
-    theta: Float[Array, " P"],
-    deviations: Float[Array, "k P"],
-    solver: AbstractSolver,
-    hold: Hold,
-    batch: Segment,
+    scatter: AbstractScatter, solver: AbstractSolver, hold: Hold, batch: Segment
 ) -> tuple[Float[Array, "B T n"], Float[Array, "B T n"]]:
-    """Positions, and their variance to first order in the parameters."""
+    """Positions, and the variance that uncertain parameters give them."""
 
     def one(segment: Segment) -> tuple[Array, Array]:
-        def positions(theta: Float[Array, " P"]) -> Float[Array, "T n"]:
-            model = restore(theta)  # pyright: ignore[reportCallIssue]
+        def positions(model: AbstractDynamics) -> Float[Array, "T n"]:
             return rollout(model, segment.q[0], segment.rates[0], segment.ts, segment.us, solver=solver, hold=hold).q
 
-        q, push = jax.linearize(positions, theta)
-        return q, jnp.mean(jax.vmap(push)(deviations) ** 2, axis=0)
+        return scatter.moments(positions)
 
     return jax.vmap(one)(batch)
 

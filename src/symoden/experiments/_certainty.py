@@ -9,11 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.special import ndtri
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.models import StructuredModel, parts_that_fix_the_scale
-from symoden.training import Posterior
+from symoden.shapes import Scalar
+from symoden.training import AbstractPosterior, Ensemble, Laplace
 
 from ._inspect import FrictionProfile, Inspection, Profile, identified_parameters
 
@@ -22,7 +22,7 @@ LEVEL: Final = 0.9  # Of every band.
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Certainty:
-    """Half widths of 90 % bands, to first order in the parameters.
+    """Half widths of 90 % bands: Laplace's to first order in the parameters, or how an ensemble scatters.
 
     Where nothing fixes the scale, they are those at a fixed mean of log det M: the common factor of M, V, g and D is
     then not part of them, for no data of positions and velocities tell it.
@@ -35,9 +35,11 @@ class Certainty:
         relative: For M, V, g and D the half width over the size of the block (its root mean square over the profiles),
             in the median along the profiles.
         undetermined: Entries of blocks whose band is wider than what is learned is large, everywhere.
-        effective: Number of parameters that the data, rather than the prior, determine.
         parameters: Number of parameters that training set free.
         windows: Number of windows of training data.
+        effective: Number of parameters that the data, rather than the prior, determine; None of an ensemble.
+        members: Number of models in the ensemble; None of Laplace's approximation.
+        tried: Number of models that were trained for it.
     """
 
     level: float
@@ -46,9 +48,11 @@ class Certainty:
     identified: dict[str, float]
     relative: dict[str, float]
     undetermined: tuple[str, ...]
-    effective: float
     parameters: int
     windows: int
+    effective: float | None = None
+    members: int | None = None
+    tried: int | None = None
 
 
 class _Blocks(NamedTuple):
@@ -60,7 +64,7 @@ class _Blocks(NamedTuple):
     dissipation: Float[Array, "K d d"]
 
 
-def certainty(posterior: Posterior, inspection: Inspection) -> Certainty:
+def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty:
     """Bands on everything that an inspection shows.
 
     Args:
@@ -73,7 +77,7 @@ def certainty(posterior: Posterior, inspection: Inspection) -> Certainty:
     Raises:
         ValueError: If the model has no M, V, g and D of its own.
     """
-    model = posterior.restore(jnp.asarray(posterior.theta))
+    model = posterior.model
     if not isinstance(model, StructuredModel) or inspection.velocities is None:
         raise ValueError("Bands need a model with M, V, g and D; this kind has none.")
     n, speeds, middle = model.space.size, inspection.velocities, inspection.middle
@@ -92,17 +96,20 @@ def certainty(posterior: Posterior, inspection: Inspection) -> Certainty:
         ]
         named = jnp.zeros(0) if model.parameters is None else model.parameters.values
         if free:
-            masses = jnp.concatenate([blocks.mass for blocks in along])
-            factor = jnp.exp(-jnp.mean(jnp.linalg.slogdet(masses)[1]) / n)
-            factor = factor / jax.lax.stop_gradient(factor)
+            factor = jnp.exp(size - log_size(model))
             along, forces = jax.tree.map(lambda x: factor * x, (along, forces))
         return along, forces, named
 
+    def log_size(model: StructuredModel) -> Scalar:
+        masses = jnp.concatenate([_blocks(model, *states).mass for states in profile_states])
+        return jnp.mean(jnp.linalg.slogdet(masses)[1]) / n
+
+    size = log_size(model) if free else jnp.zeros(())
     values, structure = jax.tree.flatten(everything(model))
     rows = posterior.project(
         lambda model: jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(everything(model))])
     )
-    half = float(ndtri((1 + LEVEL) / 2)) * np.linalg.norm(rows, axis=1)
+    half = posterior.quantile(LEVEL) * np.linalg.norm(rows, axis=1)
     ends = np.cumsum([leaf.size for leaf in values])[:-1]
     widths = [part.reshape(leaf.shape) for part, leaf in zip(np.split(half, ends), values, strict=True)]
     learned: tuple = jax.tree.unflatten(structure, [np.asarray(leaf) for leaf in values])
@@ -114,9 +121,11 @@ def certainty(posterior: Posterior, inspection: Inspection) -> Certainty:
         identified=dict(zip(identified_parameters(model), found[2].tolist(), strict=True)),
         relative=_relative(learned[0], found[0]),
         undetermined=_undetermined(learned[0], found[0]),
-        effective=posterior.effective,
         parameters=len(posterior.theta),
         windows=posterior.windows,
+        effective=posterior.effective if isinstance(posterior, Laplace) else None,
+        members=len(posterior.members) if isinstance(posterior, Ensemble) else None,
+        tried=posterior.tried if isinstance(posterior, Ensemble) else None,
     )
 
 

@@ -15,9 +15,22 @@ from typing import Final, Literal
 from symoden.data import Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
-from symoden.models import ModelConfig, load, save
+from symoden.models import ModelConfig, load
 from symoden.storage import StorageError, write_atomically
-from symoden.training import FitResult, Progress, TrainingConfig, fit, ignore
+from symoden.training import (
+    ENSEMBLE,
+    FEWEST_MEMBERS,
+    MODEL,
+    AbstractPosterior,
+    FitResult,
+    Progress,
+    TrainingConfig,
+    check_members,
+    fit,
+    ignore,
+    infer_posterior,
+    load_ensemble,
+)
 
 from ._ranges import Ranges
 from ._settings import decode
@@ -81,6 +94,7 @@ class RunConfig:
         preset: Name of the settings that it started from.
         trajectories: Number of training trajectories of a task; all of its own if None.
         noise: Standard deviation of the noise on a task's training trajectories.
+        members: Number of models that are trained like the model, for its bands.
         model: Settings of the model.
         training: Settings of training.
         data: Summary of the data.
@@ -94,11 +108,20 @@ class RunConfig:
     preset: str = "default"
     trajectories: int | None = None
     noise: float = 0.0
+    members: int = 0
     model: ModelConfig
     training: TrainingConfig
     data: DataSummary
     versions: dict[str, str] = field(default_factory=_versions)
     commit: str | None = field(default_factory=_commit)
+
+    def __post_init__(self) -> None:
+        """Refuse members that cannot be trained.
+
+        Raises:
+            ValueError: If there are too few, or training has no Levenberg-Marquardt.
+        """
+        check_members(self.members, self.training)
 
 
 def summarize(dataset: Dataset) -> DataSummary:
@@ -193,9 +216,9 @@ def read_model(folder: Path) -> AbstractDynamics:
     Raises:
         StorageError: If there is none yet, or it is damaged.
     """
-    path = folder / "model.safetensors"
+    path = folder / MODEL
     if holds_run(folder) and not path.is_file():
-        raise StorageError(f"`{folder}` has no `model.safetensors`: its training did not end. Resume it.")
+        raise StorageError(f"`{folder}` has no `{MODEL}`: its training did not end. Resume it.")
     return load(path)
 
 
@@ -237,6 +260,30 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
             f"{kinds[known.momenta]}; got {given.inputs} and {kinds[given.momenta]}."
         )
     return source
+
+
+def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> AbstractPosterior:
+    """What the data leave open about a run's model: how its ensemble scatters if it has one, else Laplace's approximation.
+
+    Args:
+        folder: Folder of the run.
+        model: Its model.
+        config: Its settings.
+        dataset: Its data.
+
+    Returns:
+        The posterior.
+
+    Raises:
+        ValueError: If there is no ensemble and the model has too many parameters for the other way.
+        StorageError: If the ensemble is damaged, or that of another model.
+    """
+    path = folder / ENSEMBLE
+    if path.is_file():
+        ensemble = load_ensemble(path, model)
+        if len(ensemble.members) >= FEWEST_MEMBERS:
+            return ensemble
+    return infer_posterior(model, dataset, config.training)
 
 
 def evaluation_solver(config: RunConfig) -> RK4:
@@ -287,7 +334,8 @@ def train_run(
         progress: Called after every stride.
 
     Returns:
-        The model and how training ended; the folder then holds `config.json` and `model.safetensors`.
+        The model and how training ended; the folder then holds `config.json` and `model.safetensors`, and where members
+        were asked for `ensemble.safetensors`.
 
     Raises:
         ValueError: If the folder is not empty and nothing is to be resumed, or nothing can be learned from the data;
@@ -296,14 +344,16 @@ def train_run(
     fresh = not (resume and holds_run(folder))
     if fresh:
         refuse_occupied(folder)
+    if fresh or config != read_run(folder):
         write_run(folder, config)
     try:
-        result = fit(
+        return fit(
             dataset,
             model=config.model,
             config=config.training,
             folder=folder,
             resume=not fresh,
+            members=config.members,
             max_minutes=max_minutes,
             progress=progress,
         )
@@ -312,5 +362,3 @@ def train_run(
             (folder / "config.json").unlink()  # Nothing was begun: the folder is free for corrected data.
             folder.rmdir()
         raise
-    save(folder / "model.safetensors", result.model)
-    return result

@@ -1,6 +1,12 @@
 """Training: short rollouts against recordings, by Adam and then Levenberg-Marquardt."""
 
 from ._config import TrainingConfig as TrainingConfig
+from ._ensemble import (
+    FEWEST_MEMBERS as FEWEST_MEMBERS,
+    Ensemble as Ensemble,
+    check_members as check_members,
+    load_ensemble as load_ensemble,
+)
 from ._fit import (
     FitResult as FitResult,
     TrainingError as TrainingError,
@@ -8,20 +14,29 @@ from ._fit import (
     hold_out as hold_out,
     ignore as ignore,
 )
-from ._posterior import Posterior as Posterior, infer_posterior as infer_posterior
-from ._run import Progress as Progress
+from ._laplace import Laplace as Laplace, infer_posterior as infer_posterior
+from ._posterior import AbstractPosterior as AbstractPosterior, AbstractScatter as AbstractScatter
+from ._run import ENSEMBLE as ENSEMBLE, MODEL as MODEL, Progress as Progress
 from ._scales import measure_scales as measure_scales, time_scale as time_scale
 
 __all__ = [
+    "ENSEMBLE",
+    "FEWEST_MEMBERS",
+    "MODEL",
+    "AbstractPosterior",
+    "AbstractScatter",
+    "Ensemble",
     "FitResult",
-    "Posterior",
+    "Laplace",
     "Progress",
     "TrainingConfig",
     "TrainingError",
+    "check_members",
     "fit",
     "hold_out",
     "ignore",
     "infer_posterior",
+    "load_ensemble",
     "measure_scales",
     "time_scale",
 ]

@@ -30,6 +30,8 @@ def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None
         "damping": state.damping,
         "substeps": state.substeps,
         "best_loss": repr(state.best_loss),
+        "origin": state.origin,
+        "incumbent": state.incumbent.origin,
         "stale": state.stale,
         "seconds": seconds,
     }
@@ -69,8 +71,10 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
     leaves, structure = jax.tree.flatten(like)
     shapes = [(leaf.shape, str(leaf.dtype)) for leaf in leaves if eqx.is_array(leaf)]
     saved = [arrays[name] for name in sorted(arrays)]
-    if shapes != [(array.shape, str(array.dtype)) for array in saved]:
-        raise StorageError(f"`{path}` must be a checkpoint of the same settings; its arrays differ. Start a new run.")
+    if "origin" not in plain or shapes != [(array.shape, str(array.dtype)) for array in saved]:
+        raise StorageError(
+            f"`{path}` must be a checkpoint of the same settings and version; its contents differ. Start a new run."
+        )
     restored = iter(saved)
     state = structure.unflatten([jnp.asarray(next(restored)) if eqx.is_array(leaf) else leaf for leaf in leaves])
     return state._replace(
@@ -79,5 +83,7 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
         damping=float(plain["damping"]),
         substeps=int(plain["substeps"]),
         best_loss=float(plain["best_loss"]),
+        origin=int(plain["origin"]),
+        incumbent=state.incumbent._replace(origin=int(plain["incumbent"])),
         stale=int(plain["stale"]),
     )

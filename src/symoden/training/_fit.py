@@ -16,17 +16,18 @@ from symoden.blocks import RUNGS, count_parameters
 from symoden.data import Dataset, split_validation, windows
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
-from symoden.models import ModelConfig, build, check_known
+from symoden.models import ModelConfig, build, check_known, save
 from symoden.spaces import Space
 
 from ._adam import adam
 from ._config import TrainingConfig
+from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._flatten import cast
 from ._problem import Batch, Objective, channel_weights
 from ._relevance import MOST_PARAMETERS
-from ._run import Journal, Progress, run
+from ._run import MODEL, Journal, Progress, Stopwatch, run
 from ._scales import measure_scales, states, time_scale
-from ._stages import AbstractStage, AdamStage, Data, LevenbergStage, TrainingState
+from ._stages import AbstractStage, AdamStage, Data, Incumbent, LevenbergStage, TrainingState
 
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
 _LM_HORIZON = 2.0
@@ -48,7 +49,8 @@ class FitResult:
         outcome: How training ended, in words.
         completed: Whether every stage came to its end.
         loss: Its loss on the validation data (on the training data without them).
-        seconds: Time spent [s], earlier runs included.
+        seconds: Time spent [s], earlier runs included, but for the time that members took in these.
+        ensemble: Models that were trained like it, if any were asked for.
     """
 
     model: AbstractDynamics
@@ -56,6 +58,7 @@ class FitResult:
     completed: bool
     loss: float
     seconds: float
+    ensemble: Ensemble | None = None
 
 
 def ignore(progress: Progress) -> None:
@@ -70,6 +73,7 @@ def fit(
     config: TrainingConfig | None = None,
     folder: Path | None = None,
     resume: bool = False,
+    members: int = 0,
     max_minutes: float | None = None,
     progress: Callable[[Progress], None] = ignore,
 ) -> FitResult:
@@ -82,9 +86,12 @@ def fit(
         dataset: Recordings; its test part is not looked at.
         model: Settings of the model.
         config: Settings of training.
-        folder: Where `metrics.jsonl` and `checkpoints/` go; nothing is written without it.
+        folder: Where `metrics.jsonl`, `checkpoints/`, `model.safetensors` and `ensemble.safetensors` go; nothing is
+            written without it.
         resume: Go on from the checkpoint in `folder`, if there is one; the weights then are those of an uninterrupted
             run, bit for bit.
+        members: How many more models to train like it, from other initial weights on windows drawn with replacement:
+            how they scatter says how certain it is. 0 trains none.
         max_minutes: Stop after this time with the best model so far.
         progress: Called after every stride.
 
@@ -93,6 +100,7 @@ def fit(
 
     Raises:
         TrainingError: If no finite model was found.
+        ValueError: If members are wanted and training has no Levenberg-Marquardt.
         DataError: If a recording is shorter than a window.
         StorageError: If `folder` cannot be written, or its checkpoint is damaged or of other settings.
 
@@ -107,51 +115,45 @@ def fit(
         'all steps taken'
     """
     model, config = model or ModelConfig(), config or TrainingConfig()
+    check_members(members, config)
     journal = Journal(folder=folder)
+    precision = jnp.zeros(()).dtype  # The user's; inside, arrays have another.
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
         stages, state = _prepare(dataset, model, config)
         state, outcome, seconds = run(stages, state, journal, resume=resume, max_minutes=max_minutes, progress=progress)
-    if not math.isfinite(state.best_loss):
-        raise TrainingError(
-            "Training must find a model with finite errors; every rollout diverged. Check the units and the space of "
-            "the data, or lower the learning rate."
-        )
-    # Outside, arrays follow the user's precision again.
+        if not math.isfinite(state.best_loss):
+            raise TrainingError(
+                "Training must find a model with finite errors; every rollout diverged. Check the units and the space "
+                "of the data, or lower the learning rate."
+            )
+        best, completed, ensemble = cast(state.best, precision), state.stage == len(stages), None
+        if folder is not None:
+            save(folder / MODEL, best)
+        if members and completed:
+            fresh = _builder(hold_out(dataset, config), model, config)
+            pattern = _pattern(stages, state, lambda number: fresh(config.restarts + number))
+            watch = Stopwatch(seconds, max_minutes)
+            ensemble = train_members(
+                pattern, members, path=journal.ensemble, resume=resume, watch=watch, progress=progress
+            )
+            completed, seconds = ensemble.is_complete(members), watch.seconds
+            outcome = outcome if completed else watch.outcome
     return FitResult(
-        model=cast(state.best, jnp.zeros(()).dtype),
+        model=best,
         outcome=outcome,
-        completed=state.stage == len(stages),
+        completed=completed,
         loss=state.best_loss,
         seconds=seconds,
+        ensemble=ensemble,
     )
 
 
 def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
     """Split and cut the recordings, build the model, and line up the stages."""
     dataset = hold_out(dataset, config)
-    space = Space.parse(dataset.space)
-    if dataset.known is not None:
-        check_known(dataset.known, space, dataset.inputs, *states(dataset.train, momenta=dataset.momenta))
-    scales = None
-    if model.scaled:
-        scales = measure_scales(
-            dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix, known=dataset.known
-        )
-    key = jax.random.key(config.seed)
-    candidates = [
-        build(
-            model,
-            space,
-            dataset.inputs,
-            momenta=dataset.momenta,
-            scales=scales,
-            input_matrix=dataset.input_matrix,
-            known=dataset.known,
-            key=jax.random.fold_in(key, candidate),
-        )
-        for candidate in range(config.restarts if config.adam_steps else 1)
-    ]
+    fresh = _builder(dataset, model, config)
+    candidates = [fresh(number) for number in range(config.restarts if config.adam_steps else 1)]
     dynamics = candidates[0]
     if not count_parameters(dynamics):
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
@@ -174,10 +176,48 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         substeps=config.lm_substeps or 1,
         best=dynamics,
         best_loss=math.inf,
+        origin=0,
         stale=0,
-        incumbent=(dynamics, None),
+        incumbent=Incumbent(dynamics, None, 0),
     )
     return stages, state
+
+
+def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[[int], AbstractDynamics]:
+    """What makes untrained models from the number of a draw."""
+    space = Space.parse(dataset.space)
+    if dataset.known is not None:
+        check_known(dataset.known, space, dataset.inputs, *states(dataset.train, momenta=dataset.momenta))
+    scales = None
+    if model.scaled:
+        scales = measure_scales(
+            dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix, known=dataset.known
+        )
+
+    def fresh(number: int) -> AbstractDynamics:
+        return build(
+            model,
+            space,
+            dataset.inputs,
+            momenta=dataset.momenta,
+            scales=scales,
+            input_matrix=dataset.input_matrix,
+            known=dataset.known,
+            key=jax.random.fold_in(jax.random.key(config.seed), number),
+        )
+
+    return fresh
+
+
+def _pattern(
+    stages: Sequence[AbstractStage], state: TrainingState, fresh: Callable[[int], AbstractDynamics]
+) -> Pattern:
+    """How members are trained: as the stage did that the best model came from."""
+    adam = next((stage for stage in stages if isinstance(stage, AdamStage)), None)
+    last = stages[state.origin]
+    if not isinstance(last, LevenbergStage):
+        raise TypeError("The best model must come from Levenberg-Marquardt.")
+    return Pattern(fresh, adam, last, state)
 
 
 def _further(

@@ -6,12 +6,15 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from symoden.storage import write_atomically
 
 from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
 from ._stages import AbstractStage, TrainingState
+
+MODEL: Final = "model.safetensors"
+ENSEMBLE: Final = "ensemble.safetensors"
 
 
 class Progress(NamedTuple):
@@ -34,9 +37,38 @@ class Progress(NamedTuple):
     seconds: float
 
 
+class Stopwatch:
+    """Time spent on training, and the limit on it."""
+
+    def __init__(self, spent: float, max_minutes: float | None) -> None:
+        """Start it.
+
+        Args:
+            spent: Time spent before [s].
+            max_minutes: Largest time, if any.
+        """
+        self._started = time.monotonic() - spent
+        self._limit = max_minutes
+
+    @property
+    def seconds(self) -> float:
+        """Time spent [s]."""
+        return time.monotonic() - self._started
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the time is up."""
+        return self._limit is not None and self.seconds >= 60 * self._limit
+
+    @property
+    def outcome(self) -> str:
+        """How training ended when it is."""
+        return f"stopped at the time limit of {self._limit:g} minutes"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Journal:
-    """The files of a run: `metrics.jsonl` and `checkpoints/latest.safetensors`; none at all without a folder.
+    """The files of a run: metrics, checkpoint and ensemble; none at all without a folder.
 
     Attributes:
         folder: Folder of the run, if any.
@@ -48,6 +80,11 @@ class Journal:
     def checkpoint(self) -> Path | None:
         """The latest checkpoint's file, whether it exists or not."""
         return None if self.folder is None else self.folder / "checkpoints" / "latest.safetensors"
+
+    @property
+    def ensemble(self) -> Path | None:
+        """The file of the models that were trained like the model, whether it exists or not."""
+        return None if self.folder is None else self.folder / ENSEMBLE
 
     @property
     def metrics(self) -> Path | None:
@@ -119,12 +156,12 @@ def run(
         state, lines, spent = journal.read(stages, state)
     elif stages:
         state = stages[0].start(state)
-    started = time.monotonic() - spent
+    watch = Stopwatch(spent, max_minutes)
     outcome = "all steps taken"
     while state.stage < len(stages):
         stage = stages[state.stage]
         state, report = stage.advance(state)
-        seconds = time.monotonic() - started
+        seconds = watch.seconds
         now = Progress(stage.name, state.step, stage.steps, report.loss, report.validation, seconds)
         lines.append({key: _json(value) for key, value in now._asdict().items()})
         outcome = report.outcome or outcome
@@ -132,9 +169,9 @@ def run(
             state = _next(stages, state)
         journal.write(state, lines, seconds=seconds)
         progress(now)
-        if max_minutes is not None and seconds >= 60 * max_minutes and state.stage < len(stages):
-            return state, f"stopped at the time limit of {max_minutes:g} minutes", seconds
-    return state, outcome, time.monotonic() - started
+        if watch.is_over and state.stage < len(stages):
+            return state, watch.outcome, seconds
+    return state, outcome, watch.seconds
 
 
 def _next(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:

@@ -28,11 +28,25 @@ DIVERGED = "diverged; the best model before was kept"
 _CHUNK = 200
 _MOST_SUBSTEPS = 16
 _EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
-_EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
+EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
 _STATES = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
 _NETWORKS = 2  # Standard errors that networks must gain: they are many numbers, and extrapolate badly.
-_STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
+STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
+
+
+class Incumbent(NamedTuple):
+    """What a stage has to improve on.
+
+    Attributes:
+        model: The best model before.
+        memory: What was remembered then.
+        origin: Index of the stage that it came from.
+    """
+
+    model: AbstractDynamics
+    memory: PyTree
+    origin: int
 
 
 class TrainingState(NamedTuple):
@@ -47,8 +61,9 @@ class TrainingState(NamedTuple):
         substeps: RK4 steps in each sampling interval in Levenberg-Marquardt.
         best: The best model, by its validation loss.
         best_loss: That loss.
+        origin: Index of the stage that the best model came from.
         stale: Steps without a gain; while priors are learned, those that changed nothing.
-        incumbent: The best model before this stage, and what was remembered then.
+        incumbent: What this stage has to improve on.
     """
 
     stage: int
@@ -59,8 +74,9 @@ class TrainingState(NamedTuple):
     substeps: int
     best: AbstractDynamics
     best_loss: float
+    origin: int
     stale: int
-    incumbent: tuple[AbstractDynamics, PyTree]
+    incumbent: Incumbent
 
 
 class Report(NamedTuple):
@@ -178,7 +194,8 @@ class AdamStage(AbstractStage):
         model = cast(self.fresh, dtype)
         memory = self.optimizer.init(eqx.filter(model, trainable(model, corrections=0)))
         best = cast(state.best, dtype)
-        return state._replace(step=0, model=model, best=best, incumbent=(best, None), memory=memory)
+        incumbent = Incumbent(best, None, state.origin)
+        return state._replace(step=0, model=model, best=best, incumbent=incumbent, memory=memory)
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
@@ -194,7 +211,7 @@ class AdamStage(AbstractStage):
             return state._replace(model=state.best), Report(loss, validation, finished=True, outcome=DIVERGED)
         judged = loss if validation is None else validation
         if judged < state.best_loss or not self.config.keep_best:
-            state = state._replace(best=model, best_loss=judged)
+            state = state._replace(best=model, best_loss=judged, origin=state.stage)
         finished = state.step >= self.steps
         return state, Report(loss, validation, finished=finished, outcome="all steps taken" if finished else "")
 
@@ -247,7 +264,7 @@ class LevenbergStage(AbstractStage):
         """Begin from the best model so far, in double precision."""
         best = cast(state.best, self.data.train.q.dtype)
         judged = self.data.train if self.data.validation is None else self.data.validation
-        loss = evaluate_loss(best, self._objective(state.substeps), judged)
+        loss = evaluate_loss(best, self.objective(state.substeps), judged)
         # Longer windows tell of parameters that shorter ones do not, and whose priors were narrowed.
         fresh = Relevance.start(best, self.config.prior)
         known = state.memory if isinstance(state.memory, Relevance) else fresh
@@ -256,8 +273,9 @@ class LevenbergStage(AbstractStage):
             step=0,
             model=best,
             best=best,
-            incumbent=(best, known),
+            incumbent=Incumbent(best, known, state.origin),
             best_loss=loss,
+            origin=state.stage,
             memory=priors,
             damping=self.config.damping,
             stale=0,
@@ -266,21 +284,13 @@ class LevenbergStage(AbstractStage):
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
         if state.step == 0 and (self.corrections or self.relevance) and self._is_below(_EXPLAINED, state):
-            return state, Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
+            report = Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
+            return self._defended(state, kept=False), report
         substeps = self._refined(state)
-        objective = self._objective(substeps)
+        objective = self.objective(substeps)
         restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
-        pin = free_scale(state.model, restore, theta, self.data.train.q[:_STATES, 0]) if self.relevance else None
-        after, step = levenberg_marquardt_step(
-            LevenbergState(theta, state.damping),
-            restore,
-            objective,
-            self.data.train,
-            reversible=self._objective(substeps, reversible=True),
-            prior=state.memory.precisions(state.model, self.corrections),
-            variance=float(state.memory.variance) or None if self.relevance else None,  # Else it fades with the loss.
-            pin=pin,
-        )
+        before = LevenbergState(theta, state.damping)
+        after, step = self.step(before, restore, self.data.train, substeps=substeps, priors=state.memory)
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
         judged = step.after if validation is None else validation
@@ -289,7 +299,7 @@ class LevenbergStage(AbstractStage):
             state, ended, outcome = self._learned(state, step, np.asarray(theta, float), judged)
             return state, Report(step.after, validation, ended, outcome)
         better = judged < state.best_loss
-        falling = step.accepted and step.after < (1 - _STALLED) * step.before
+        falling = step.accepted and step.after < (1 - STALLED) * step.before
         state = state._replace(
             best=model if better else state.best,
             best_loss=judged if better else state.best_loss,
@@ -297,9 +307,37 @@ class LevenbergStage(AbstractStage):
         )
         ended, outcome = self._ended(state)
         if ended and self.corrections and self.data.validation is not None:
-            gain = -self.data.compare(state.best, state.incumbent[0], objective)
+            gain = -self.data.compare(state.best, state.incumbent.model, objective)
             state = self._defended(state, kept=gain > (_NETWORKS if self.corrections == RUNGS else 1))
         return state, Report(step.after, validation, ended, outcome)
+
+    def step(
+        self, state: LevenbergState, restore: Flattening, batch: Batch, *, substeps: int, priors: Relevance
+    ) -> tuple[LevenbergState, LevenbergStep]:
+        """One step of Levenberg-Marquardt.
+
+        Args:
+            state: Where to start.
+            restore: Makes the model from flat parameters, those up to this stage's rung.
+            batch: Windows to fit.
+            substeps: RK4 steps in each sampling interval.
+            priors: Priors of the parameters.
+
+        Returns:
+            The state after the step, and what the step did.
+        """
+        model = restore(state.theta)
+        pin = free_scale(model, restore, state.theta, self.data.train.q[:_STATES, 0]) if self.relevance else None
+        return levenberg_marquardt_step(
+            state,
+            restore,
+            self.objective(substeps),
+            batch,
+            reversible=self.objective(substeps, reversible=True),
+            prior=priors.precisions(model, self.corrections),
+            variance=float(priors.variance) or None if self.relevance else None,  # Else it fades with the loss.
+            pin=pin,
+        )
 
     def _learned(
         self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], judged: float
@@ -313,7 +351,7 @@ class LevenbergStage(AbstractStage):
         state = state._replace(memory=priors, stale=state.stale + 1 if abs(change) < _SETTLED else 0)
         ended, outcome = self._ended(state)
         if ended:
-            worse = self.data.compare(state.model, state.incumbent[0], self._objective(state.substeps))
+            worse = self.data.compare(state.model, state.incumbent.model, self.objective(state.substeps))
             state = self._defended(state._replace(best=state.model, best_loss=judged), kept=worse <= 1)
         return state, ended, outcome
 
@@ -321,10 +359,10 @@ class LevenbergStage(AbstractStage):
         """State at the end of the stage: as it is, or as it was before."""
         if kept:
             return state
-        best, memory = state.incumbent
+        best, memory, origin = state.incumbent
         judged = self.data.train if self.data.validation is None else self.data.validation
-        loss = evaluate_loss(best, self._objective(state.substeps), judged)
-        return state._replace(best=best, best_loss=loss, memory=memory)
+        loss = evaluate_loss(best, self.objective(state.substeps), judged)
+        return state._replace(best=best, best_loss=loss, memory=memory, origin=origin)
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
         """Whether the stage is over, and why."""
@@ -338,13 +376,22 @@ class LevenbergStage(AbstractStage):
     @property
     def _enough(self) -> float:
         """Loss below which nothing is left to do: more need not be set free long before a model is exact."""
-        return _EXPLAINED if self.corrections or self.relevance else _EXACT
+        return _EXPLAINED if self.corrections or self.relevance else EXACT
 
     def _is_below(self, bound: float, state: TrainingState) -> bool:
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
         return self.config.scaled_loss and state.best_loss < bound
 
-    def _objective(self, substeps: int, *, reversible: bool = False) -> Objective:
+    def objective(self, substeps: int, *, reversible: bool = False) -> Objective:
+        """How rollouts are compared with windows.
+
+        Args:
+            substeps: RK4 steps in each sampling interval.
+            reversible: Let reverse-mode differentiation reach through, at the price of compiling for this number.
+
+        Returns:
+            The objective.
+        """
         # A number of substeps that is an array needs no new compilation when it changes, but stops reverse mode.
         solver = RK4(substeps if reversible else jnp.asarray(substeps))
         return Objective(self.data.objective.weights, solver, self.data.objective.hold)
@@ -353,9 +400,9 @@ class LevenbergStage(AbstractStage):
         """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""
         if self.config.lm_substeps is not None:
             return self.config.lm_substeps
-        coarse = self._objective(state.substeps)
+        coarse = self.objective(state.substeps)
         sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
-        error = integration_error(state.model, coarse, self._objective(2 * state.substeps), sample)
+        error = integration_error(state.model, coarse, self.objective(2 * state.substeps), sample)
         loss = evaluate_loss(state.model, coarse, sample)
         finer = error > 0.01 * loss and state.substeps < _MOST_SUBSTEPS
         return 2 * state.substeps if finer else state.substeps

@@ -1,0 +1,304 @@
+"""Ensembles: models trained like one, each from other initial weights on windows drawn with replacement."""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple, final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.stats
+from jaxtyping import Array, Float
+
+from symoden.mechanics import AbstractDynamics
+from symoden.storage import StorageError, load_arrays, save_arrays
+
+from ._config import TrainingConfig
+from ._flatten import Flattening, cast
+from ._levenberg_marquardt import LevenbergState
+from ._posterior import AbstractPosterior, AbstractScatter, Quantities
+from ._problem import Batch, evaluate_loss
+from ._run import Progress, Stopwatch
+from ._stages import EXACT, STALLED, AdamStage, LevenbergStage, TrainingState
+
+FEWEST_MEMBERS: Final = 2
+_TRIES: Final = 2  # Of initial weights, for every member that is wanted.
+_ASTRAY: Final = 1.5  # Times the trained model's loss on the same windows: a member above has found another basin.
+_SAME: Final = 1e-4  # Relative difference of models that differ by rounding in a file.
+
+
+@final
+class _Members(AbstractScatter):
+    """Every member's parameters."""
+
+    restore: Flattening
+    theta: Float[Array, " P"]
+    members: Float[Array, "k P"]
+
+    def moments(self, quantities: Quantities) -> tuple[Float[Array, "*K"], Float[Array, "*K"]]:
+        value = quantities(self.restore(self.theta))
+        squares = jax.vmap(lambda theta: (quantities(self.restore(theta)) - value) ** 2)(self.members)
+        return value, jnp.mean(squares, axis=0)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ensemble(AbstractPosterior):
+    """Models that were trained like one, each from other initial weights on windows drawn with replacement.
+
+    How they scatter about it is how it would scatter if the recordings were made anew (the bootstrap of Efron); nothing
+    is linear in this, and nothing normal.
+
+    Attributes:
+        members: Flat parameters of every member.
+        tried: How many were trained; those that ended in another basin, and fit their own windows worse than the model
+            does, are no members.
+        corrections: Up to which rung corrections are free.
+
+    References:
+        Efron (1979), *Bootstrap methods: another look at the jackknife*.
+    """
+
+    members: Float[np.ndarray, "k P"]
+    tried: int
+    corrections: int
+
+    def quantile(self, level: float) -> float:
+        """Student's, with as many degrees of freedom as there are members: the model is given, not their mean."""
+        return float(scipy.stats.t.ppf((1 + level) / 2, len(self.members)))
+
+    def project(self, quantities: Quantities) -> Float[np.ndarray, "K k"]:
+        """Each member's deviation from the model, over the root of their number."""
+        with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
+            value, *others = (
+                np.asarray(quantities(self.restore(jnp.asarray(theta))), float) for theta in (self.theta, *self.members)
+            )
+        return (np.stack(others, axis=1) - value[:, None]) / math.sqrt(len(others))
+
+    def scatter(self) -> AbstractScatter:
+        """The members."""
+        return _Members(self.restore, jnp.asarray(self.theta, float), jnp.asarray(self.members, float))
+
+    def is_complete(self, count: int) -> bool:
+        """Whether there are as many members as wanted, or twice as many models were tried.
+
+        Args:
+            count: How many are wanted.
+
+        Returns:
+            Whether no more are to be trained.
+        """
+        return len(self.members) >= count or self.tried >= _TRIES * count
+
+    def models(self) -> Iterator[AbstractDynamics]:
+        """The members as models."""
+        return (self.restore(jnp.asarray(theta)) for theta in self.members)
+
+
+def save_ensemble(path: Path, ensemble: Ensemble) -> None:
+    """Write an ensemble beside its model.
+
+    Args:
+        path: The file.
+        ensemble: The ensemble.
+
+    Raises:
+        StorageError: If it cannot be written.
+    """
+    facts = {"tried": ensemble.tried, "windows": ensemble.windows, "corrections": ensemble.corrections}
+    save_arrays(path, {"model": ensemble.theta, "members": ensemble.members}, facts)
+
+
+def load_ensemble(path: Path, model: AbstractDynamics) -> Ensemble:
+    """Read an ensemble.
+
+    Args:
+        path: The file.
+        model: The trained model that it belongs to.
+
+    Returns:
+        The ensemble.
+
+    Raises:
+        StorageError: If the file is absent or damaged, or belongs to another model.
+    """
+    arrays, facts = load_arrays(path)
+    if set(arrays) != {"model", "members"}:
+        raise StorageError(f"`{path}` must be an ensemble; it is another file of symoden. Train it anew.")
+    saved, members = arrays["model"], arrays["members"]
+    tried, windows, corrections = (int(facts[name]) for name in ("tried", "windows", "corrections"))
+    with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
+        restore, theta = Flattening.of(cast(model, float), corrections=corrections)
+    if saved.shape != theta.shape or not np.allclose(saved, theta, rtol=_SAME, atol=_SAME):
+        raise StorageError(f"`{path}` must be the ensemble of the run's model; it belongs to another. Train it anew.")
+    return Ensemble(
+        restore=restore, theta=saved, windows=windows, members=members, tried=tried, corrections=corrections
+    )
+
+
+def check_members(count: int, config: TrainingConfig) -> None:
+    """Refuse numbers of members that tell nothing, and settings that train none.
+
+    Args:
+        count: How many are wanted; 0 is no ensemble.
+        config: Settings of training.
+
+    Raises:
+        ValueError: If there are too few, or training has no Levenberg-Marquardt.
+    """
+    if count and (count < FEWEST_MEMBERS or not config.lm_steps):
+        raise ValueError(
+            f"`members` must be 0, or at least {FEWEST_MEMBERS} with settings that use Levenberg-Marquardt; "
+            f"got {count} and {config.lm_steps} of its steps."
+        )
+
+
+class Pattern(NamedTuple):
+    """How the members of an ensemble are trained.
+
+    Attributes:
+        fresh: Makes an untrained model from the number of a draw.
+        adam: What finds the basin; None if the stage after it needs no such help.
+        stage: The stage that the trained model came from.
+        state: The state at the end of training.
+    """
+
+    fresh: Callable[[int], AbstractDynamics]
+    adam: AdamStage | None
+    stage: LevenbergStage
+    state: TrainingState
+
+
+def train_members(
+    pattern: Pattern,
+    count: int,
+    *,
+    path: Path | None,
+    resume: bool,
+    watch: Stopwatch,
+    progress: Callable[[Progress], None],
+) -> Ensemble:
+    """Train models until there are as many as wanted, or twice as many were tried.
+
+    What training has chosen stays as it is: which corrections are free, the priors, the length of windows, the steps of
+    integration.
+
+    Args:
+        pattern: How.
+        count: How many are wanted.
+        path: Where to keep them, each as soon as it is trained.
+        resume: Go on with those that are there.
+        watch: Tells when the time is over; a member that is being trained then is lost.
+        progress: Called after every step.
+
+    Returns:
+        The ensemble; smaller than wanted where the time was over, or too many went astray.
+    """
+    stage, model = pattern.stage, cast(pattern.state.best, float)
+    restore, theta = Flattening.of(model, corrections=stage.corrections)
+    ensemble = Ensemble(
+        restore=restore,
+        theta=np.asarray(theta),
+        windows=stage.data.train.ts.shape[0],
+        members=np.zeros((0, theta.size)),
+        tried=0,
+        corrections=stage.corrections,
+    )
+    if resume and path is not None and path.exists():
+        ensemble = load_ensemble(path, model)
+    while not ensemble.is_complete(count):
+        member = _Member(pattern, restore, ensemble.tried)
+        name, found = f"model {len(ensemble.members) + 1} of {count}", ensemble.theta
+        for done in member.train():
+            found = done.best
+            progress(Progress(name, done.step, member.steps, done.loss, None, watch.seconds))
+            if watch.is_over:
+                return ensemble
+        members = ensemble.members
+        if member.loss(found) <= _ASTRAY * max(member.loss(ensemble.theta), EXACT):
+            members = np.concatenate([members, found[None]])
+        ensemble = dataclasses.replace(ensemble, members=members, tried=ensemble.tried + 1)
+        if path is not None:
+            save_ensemble(path, ensemble)
+    return ensemble
+
+
+class _Trained(NamedTuple):
+    """A step of a member's training."""
+
+    step: int
+    loss: float
+    best: Float[np.ndarray, " P"]
+
+
+@final
+@dataclass(frozen=True)
+class _Member:
+    """A model to be trained on its own windows."""
+
+    pattern: Pattern
+    restore: Flattening
+    number: int
+
+    @functools.cached_property
+    def windows(self) -> Batch:
+        """As many windows as there are, drawn with replacement."""
+        stage = self.pattern.stage
+        total = stage.data.train.ts.shape[0]
+        return stage.data.train.take(np.random.default_rng([stage.config.seed, self.number]).integers(0, total, total))
+
+    def loss(self, theta: Float[np.ndarray, " P"]) -> float:
+        """Mean squared residual on its own windows."""
+        return self._loss(theta, self.windows)
+
+    @property
+    def steps(self) -> int:
+        """Largest number of steps of Levenberg-Marquardt."""
+        config = self.pattern.stage.config
+        return config.lm_steps + config.growth_steps
+
+    def train(self) -> Iterator[_Trained]:
+        """Adam from fresh weights, then Levenberg-Marquardt.
+
+        Yields:
+            After each step its number, the loss and the best parameters so far.
+        """
+        stage = self.pattern.stage
+        data, config = stage.data, stage.config
+        theta = Flattening.of(self._begun(), corrections=stage.corrections)[1]
+        state, best, least, stale = LevenbergState(theta, config.damping), theta, math.inf, 0
+        substeps, priors = self.pattern.state.substeps, self.pattern.state.memory
+        for step in range(self.steps):
+            state, done = stage.step(state, self.restore, self.windows, substeps=substeps, priors=priors)
+            # Learned priors keep from fitting noise; else the validation windows tell when to stop, as in training.
+            judged = done.after
+            if data.validation is not None and not stage.relevance:
+                judged = self._loss(np.asarray(state.theta), data.validation)
+            falling = done.accepted and done.after < (1 - STALLED) * done.before
+            stale = 0 if falling and judged < least else stale + 1
+            if judged < least:
+                best, least = state.theta, judged
+            yield _Trained(step + 1, done.after, np.asarray(best))
+            if stale >= config.patience or (config.scaled_loss and judged < EXACT):
+                break
+
+    def _begun(self) -> AbstractDynamics:
+        """A fresh model, in a basin if Adam is to find one."""
+        fresh, adam = self.pattern.fresh(self.number), self.pattern.adam
+        if adam is None:
+            return cast(fresh, float)
+        stage = dataclasses.replace(adam, fresh=fresh)
+        state = stage.start(self.pattern.state)._replace(best_loss=math.inf)
+        finished = False
+        while not finished:
+            state, done = stage.advance(state)
+            finished = done.finished
+        return cast(state.best, float)
+
+    def _loss(self, theta: Float[np.ndarray, " P"], windows: Batch) -> float:
+        model = self.restore(jnp.asarray(theta))
+        return evaluate_loss(model, self.pattern.stage.objective(self.pattern.state.substeps), windows)

@@ -1,0 +1,161 @@
+"""How certain a trained model is: the Gauss-Newton matrix at the optimum, and what it says of anything computed."""
+
+from dataclasses import dataclass
+from typing import final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.linalg
+import scipy.special
+from jaxtyping import Array, Float
+
+from symoden.blocks import highest_rung
+from symoden.data import Dataset
+from symoden.integrate import RK4
+from symoden.mechanics import AbstractDynamics
+
+from ._config import TrainingConfig
+from ._fit import hold_out, levenberg_data
+from ._flatten import Flattening, cast
+from ._gauss_newton import normal_equations
+from ._posterior import AbstractPosterior, AbstractScatter, Quantities
+from ._problem import Objective, evaluate_loss
+
+_MOST_PARAMETERS = 4000  # Beyond, the matrix takes minutes and gigabytes.
+_SUBSTEPS = 4
+_DEVIATIONS = 48  # A standard deviation from so many is 10 % right.
+
+
+@final
+class _Linearized(AbstractScatter):
+    """Deviations with the posterior's covariance, along which quantities are linearised."""
+
+    restore: Flattening
+    theta: Float[Array, " P"]
+    deviations: Float[Array, "k P"]
+
+    def moments(self, quantities: Quantities) -> tuple[Float[Array, "*K"], Float[Array, "*K"]]:
+        value, push = jax.linearize(lambda theta: quantities(self.restore(theta)), self.theta)
+        return value, jnp.mean(jax.vmap(push)(self.deviations) ** 2, axis=0)
+
+
+@final
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Laplace(AbstractPosterior):
+    """Gaussian approximation about the optimum.
+
+    Attributes:
+        factor: F, where F Fᵀ is the covariance.
+        effective: Number of parameters that the data, rather than the prior, determine.
+    """
+
+    factor: Float[np.ndarray, "P P"]
+    effective: float
+
+    def quantile(self, level: float) -> float:
+        """The normal distribution's."""
+        return float(scipy.special.ndtri((1 + level) / 2))
+
+    def project(self, quantities: Quantities) -> Float[np.ndarray, "K P"]:
+        """G F, where G is the Jacobian of the quantities."""
+        with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
+            theta = jnp.asarray(self.theta)
+
+            def of(theta: Float[Array, " P"]) -> Float[Array, " K"]:
+                return quantities(self.restore(theta))
+
+            # One pass for each of the fewer.
+            forward = theta.size < jax.eval_shape(of, theta).size
+            jacobian = (jax.jacfwd if forward else jax.jacrev)(of)(theta)
+        return np.asarray(jacobian, float) @ self.factor
+
+    def scatter(self) -> AbstractScatter:
+        """Random deviations, always the same ones."""
+        draws = np.random.default_rng(0).normal(size=(_DEVIATIONS, len(self.theta)))
+        return _Linearized(self.restore, jnp.asarray(self.theta, float), jnp.asarray(draws @ self.factor.T, float))
+
+
+def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingConfig | None = None) -> Laplace:
+    """Infer how certain a trained model's parameters are, from the data that it was trained on.
+
+    With J the Jacobian of the residuals r, H = JᵀJ / σ² + λ I is the posterior's precision where the residuals are
+    independent (Laplace's approximation, Gauss-Newton's matrix). Those of one window are not, and models are never
+    quite right, so that the covariance is H⁻¹ (Σ_w s_w s_wᵀ + λ I) H⁻¹ with the windows' scores s_w = J_wᵀ r_w / σ²
+    (the sandwich of Huber and White, by windows). σ² is the larger of the mean squared residuals on the training and
+    on the validation data: a model that follows its training data more closely than others is not more certain.
+
+    Priors that training has learned are left out: what they narrowed to nothing counts as open again, so that bands are
+    rather too wide than too narrow where the data say little.
+
+    Args:
+        model: What `fit` found.
+        dataset: What it was fitted to.
+        config: With which settings.
+
+    Returns:
+        The posterior of the parameters that training has set free.
+
+    Raises:
+        ValueError: If there are none, or too many.
+
+    References:
+        White (1982), *Maximum likelihood estimation of misspecified models*; MacKay (1992), *A practical Bayesian
+        framework for backpropagation networks* (the number of effective parameters).
+    """
+    config = config or TrainingConfig()
+    with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
+        model = cast(model, float)
+        rung = highest_rung(model, jnp.zeros(model.space.size))
+        restore, theta = Flattening.of(model, corrections=rung)
+        if not 0 < theta.size <= _MOST_PARAMETERS:
+            raise ValueError(
+                f"The posterior needs 1 to {_MOST_PARAMETERS} free parameters; the model has {theta.size}. "
+                "Train a smaller one."
+            )
+        data = levenberg_data(hold_out(dataset, config), model, config)
+        solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
+        objective = Objective(data.objective.weights, solver, data.objective.hold)
+        equations = normal_equations(restore, theta, objective, data.train)
+        elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)
+    factor, effective = _sandwich(
+        equations.matrix * equations.residuals.size,
+        equations.spread,
+        variance=equations.loss,
+        inflation=max(1.0, (elsewhere or 0.0) / max(equations.loss, np.finfo(float).tiny)),
+        prior=max(config.prior, np.finfo(float).eps),
+    )
+    return Laplace(
+        restore=restore,
+        theta=np.asarray(theta, float),
+        windows=len(equations.residuals),
+        factor=factor,
+        effective=effective,
+    )
+
+
+def _sandwich(
+    squares: Float[np.ndarray, "P P"],
+    spread: Float[np.ndarray, "P P"],
+    *,
+    variance: float,
+    inflation: float,
+    prior: float,
+) -> tuple[Float[np.ndarray, "P P"], float]:
+    """A factor of the covariance, and the number of effective parameters.
+
+    In the eigenbasis of JᵀJ the inverse is one of numbers, so that what is known best and worst lose no digits to each
+    other.
+
+    Returns:
+        Both.
+    """
+    eigenvalues, basis = scipy.linalg.eigh(squares)
+    known = np.maximum(eigenvalues, 0.0) / (inflation * variance)
+    scores = basis.T @ spread @ basis / (inflation * variance**2)
+    values, vectors = scipy.linalg.eigh(scores)
+    root = np.concatenate([vectors * np.sqrt(np.maximum(values, 0.0)), np.sqrt(prior) * np.eye(len(known))], axis=1)
+    half = root / (known + prior)[:, None]
+    # P columns do for 2 P: the triangular factor of the transpose.
+    triangle = np.asarray(np.linalg.qr(half.T, mode="r"))
+    return basis @ triangle.T, float(np.sum(known / (known + prior)))

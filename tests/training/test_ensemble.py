@@ -1,0 +1,152 @@
+"""Members of an ensemble scatter as the model would if the recordings were made anew."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+from symoden.known import KnownParts
+from symoden.models import BlockConfig, ModelConfig
+from symoden.storage import StorageError, save_arrays
+from symoden.training import Ensemble, TrainingConfig, _ensemble, fit, infer_posterior, load_ensemble
+
+CONSTANT = BlockConfig(constant=True)
+MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=())
+HORIZON = 5
+STEPS = TrainingConfig(
+    validation=0.0, adam_steps=0, lm_steps=8, lm_horizon=HORIZON, lm_substeps=1, growth_steps=0, relevance_steps=0
+)
+NOISE = 0.02
+
+
+@pytest.fixture(scope="module")
+def noisy(pendulum):
+    generator = np.random.default_rng(0)
+    clean = pendulum(count=6, samples=51)
+
+    def disturbed(recording):
+        later = (np.arange(len(recording)) % HORIZON > 0)[:, None]
+        return dataclasses.replace(recording, q=recording.q + NOISE * later * generator.normal(size=recording.q.shape))
+
+    known = KnownParts(
+        mass_matrix=[["m"]],
+        potential_energy="-w*cos(q1)",
+        input_matrix=[[1]],
+        dissipation_matrix=[["d"]],
+        parameters={"m": 0.5, "w": 3.0, "d": 0.1},
+    )
+    return dataclasses.replace(clean, train=tuple(map(disturbed, clean.train)), known=known)
+
+
+@pytest.fixture(scope="module")
+def found(noisy, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    return fit(noisy, model=MODEL, config=STEPS, folder=folder, members=12), folder
+
+
+def quantities(model):
+    q = jnp.array([2.0])
+    energy = model.potential_energy(q) - model.potential_energy(jnp.zeros(1))
+    return jnp.stack([energy, model.mass_matrix(q)[0, 0], model.dissipation_matrix(q, q)[0, 0]])
+
+
+def test_they_scatter_as_the_gauss_newton_matrix_says(found, noisy):
+    result, _ = found
+    ensemble, laplace = result.ensemble, infer_posterior(result.model, noisy, STEPS)
+    assert (len(ensemble.members), ensemble.tried, ensemble.windows) == (12, 12, laplace.windows)
+    told, said = (np.linalg.norm(each.project(quantities), axis=1) for each in (ensemble, laplace))
+    ratio = told / said  # 12 draws tell a standard deviation to 20 %; the windows that say it are 60
+    assert (ratio > 0.45).all(), ratio
+    assert (ratio < 2.2).all(), ratio
+
+
+def test_what_is_computed_scatters_alike_in_compiled_functions_and_outside(found):
+    ensemble = found[0].ensemble
+    value, variance = jax.jit(lambda scatter: scatter.moments(quantities))(ensemble.scatter())
+    assert np.sqrt(variance) == pytest.approx(np.linalg.norm(ensemble.project(quantities), axis=1), rel=1e-4)
+    assert np.asarray(value) == pytest.approx(np.asarray(quantities(ensemble.model)), rel=1e-5)
+    others = np.array([quantities(model) for model in ensemble.models()])
+    assert np.mean((others - np.asarray(value)) ** 2, axis=0) == pytest.approx(np.asarray(variance), rel=1e-4)
+
+
+def test_few_models_make_wider_bands_than_many(found):
+    ensemble = found[0].ensemble
+    few = dataclasses.replace(ensemble, members=ensemble.members[:2])
+    assert ensemble.quantile(0.9) == pytest.approx(student.ppf(0.95, 12))
+    assert few.quantile(0.9) > 1.5 * ensemble.quantile(0.9) > 1.5 * 1.645
+
+
+def test_it_is_read_back_beside_its_own_model_alone(found, tmp_path):
+    result, folder = found
+    path = folder / "ensemble.safetensors"
+    back = load_ensemble(path, result.model)
+    assert np.array_equal(back.members, result.ensemble.members)
+    assert np.linalg.norm(back.project(quantities)) == pytest.approx(
+        np.linalg.norm(result.ensemble.project(quantities)), rel=1e-6
+    )
+    another = jax.tree.map(lambda x: 1.01 * x if isinstance(x, jax.Array) else x, result.model)
+    with pytest.raises(StorageError, match="belongs to another"):
+        load_ensemble(path, another)
+    save_arrays(tmp_path / "other.safetensors", {"x": np.zeros(3)}, {})
+    with pytest.raises(StorageError, match="must be an ensemble"):
+        load_ensemble(tmp_path / "other.safetensors", result.model)
+    (tmp_path / "cut.safetensors").write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(StorageError, match="whole safetensors file"):
+        load_ensemble(tmp_path / "cut.safetensors", result.model)
+
+
+def test_interrupted_and_resumed_it_is_the_same(found, noisy, tmp_path):
+    class StopError(Exception):
+        pass
+
+    def stop(progress):
+        if progress.stage == "model 3 of 4":
+            raise StopError
+
+    with pytest.raises(StopError):
+        fit(noisy, model=MODEL, config=STEPS, folder=tmp_path, members=4, progress=stop)
+    assert (tmp_path / "model.safetensors").is_file()
+    seen = set()
+    again = {"folder": tmp_path, "resume": True, "progress": lambda progress: seen.add(progress.stage)}
+    resumed = fit(noisy, model=MODEL, config=STEPS, members=4, **again).ensemble
+    assert seen == {"model 3 of 4", "model 4 of 4"}
+    assert resumed is not None
+    assert np.array_equal(resumed.members, found[0].ensemble.members[:4])
+
+
+def test_what_ended_in_another_basin_is_no_member(noisy, monkeypatch):
+    astray = {0, 2}
+    real = _ensemble._Member._begun
+
+    def begun(self):
+        model = real(self)
+        if self.number in astray:
+            monkeypatch.setattr(_ensemble._Member, "steps", 1)
+            return jax.tree.map(lambda x: 3 * x if x.dtype.kind == "f" else x, model)
+        monkeypatch.setattr(_ensemble._Member, "steps", 8)
+        return model
+
+    monkeypatch.setattr(_ensemble._Member, "_begun", begun)
+    ensemble = fit(noisy, model=MODEL, config=STEPS, members=2).ensemble
+    assert isinstance(ensemble, Ensemble)
+    assert (len(ensemble.members), ensemble.tried) == (2, 4)
+
+
+def test_a_member_that_is_cut_short_by_the_limit_of_time_is_none(noisy, tmp_path):
+    ended = fit(noisy, model=MODEL, config=STEPS, folder=tmp_path)
+    assert ended.completed
+    limited = fit(noisy, model=MODEL, config=STEPS, folder=tmp_path, resume=True, members=3, max_minutes=1e-4)
+    assert limited.ensemble is not None
+    assert (limited.completed, len(limited.ensemble.members), limited.ensemble.tried) == (False, 0, 0)
+    assert limited.outcome == "stopped at the time limit of 0.0001 minutes"
+    assert jax.tree.all(jax.tree.map(np.array_equal, limited.model, ended.model))
+
+
+@pytest.mark.parametrize(("members", "steps"), [(1, 8), (4, 0)])
+def test_one_member_and_members_without_levenberg_marquardt_are_refused(noisy, members, steps):
+    config = dataclasses.replace(STEPS, lm_steps=steps)
+    with pytest.raises(ValueError, match="`members` must be 0, or at least 2"):
+        fit(noisy, model=MODEL, config=config, members=members)
