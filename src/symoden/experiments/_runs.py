@@ -263,7 +263,7 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
 
 
 def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> AbstractPosterior:
-    """What the data leave open about a run's model: how its ensemble scatters if it has one, else Laplace's approximation.
+    """What the data leave open about a run's model: its ensemble if it has one, else Laplace's approximation.
 
     Args:
         folder: Folder of the run.
