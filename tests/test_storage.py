@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import safetensors.numpy
 
-from symoden.storage import StorageError, load_arrays, save_arrays, write_atomically
+from symoden.storage import StorageError, exclusive, load_arrays, save_arrays, write_atomically
 
 ARRAYS = {"a": np.arange(6.0).reshape(2, 3), "b": np.array([1, 2], np.int32), "c": np.zeros((0, 3), np.float32)}
 
@@ -144,3 +144,29 @@ def test_a_new_file_has_the_permissions_that_the_user_gives_and_a_replaced_one_k
         assert os.umask(0o027) == 0o027  # as it was
     finally:
         os.umask(before)
+
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from symoden.storage import exclusive
+with exclusive(Path(sys.argv[1])):
+    print("locked", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_folder_is_written_by_one_process_at_a_time_and_free_when_that_dies(tmp_path):
+    folder = tmp_path / "new" / "run"
+    with subprocess.Popen([sys.executable, "-c", HOLDER, str(folder)], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "locked\n"
+        with pytest.raises(StorageError, match="one command at a time"), exclusive(folder):
+            pytest.fail("the folder was taken twice")
+        holder.send_signal(signal.SIGKILL)
+    for _ in range(2):
+        with exclusive(folder):
+            assert list(folder.iterdir()) == []
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StorageError, match="must be a folder"), exclusive(tmp_path / "file"):
+        pytest.fail("a file is no folder")

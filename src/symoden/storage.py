@@ -5,13 +5,18 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import safetensors
 import safetensors.numpy
+
+try:
+    import fcntl
+except ImportError:  # Not on Windows.
+    fcntl = None
 
 _KEY = "symoden"
 _LARGEST_FILE = 2**31
@@ -59,6 +64,41 @@ def _permissions(path: Path) -> int:
     mask = os.umask(0o077)  # It cannot be read without being set.
     os.umask(mask)
     return 0o666 & ~mask
+
+
+@contextlib.contextmanager
+def exclusive(folder: Path) -> Iterator[None]:
+    """Keep other processes that ask for the same from writing into a folder, as long as the context lasts.
+
+    The folder itself is locked: nothing is left behind, whatever happens. Systems without such locks have none.
+
+    Args:
+        folder: The folder; it is made if absent.
+
+    Raises:
+        StorageError: If another process has it, or it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StorageError(f"`{folder}` must be a folder that can be written; the system says: {error}.") from error
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise StorageError(
+                f"`{folder}` must be written by one command at a time; another one is at work there. Wait for it, or "
+                "choose another folder."
+            ) from None
+        except OSError:  # Some network file systems have no locks.
+            pass
+        yield
+    finally:
+        os.close(handle)
 
 
 def save_arrays(path: Path | str, arrays: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> None:

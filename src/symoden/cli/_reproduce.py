@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from symoden.experiments import CellResult, Row, cells, check_cell, read_results, table_rows
+from symoden.experiments import Cell, CellResult, Row, cells, check_cell, read_results, table_rows
 from symoden.report import flat_row, table_title, write_tables
+from symoden.storage import exclusive
 from symoden.training import TrainingError
 
 from ._arguments import Reproduce
@@ -46,6 +47,13 @@ def run(command: Reproduce) -> None:
         trajectories=command.trajectories,
         noise=command.noise,
     )
+    with exclusive(out):
+        _run(command, every)
+
+
+def _run(command: Reproduce, every: Sequence[Cell]) -> None:
+    """Run these cells, in a folder where no other command writes."""
+    out = command.out
     found = {result.cell.name: result for result in read_results(out)}
     for result in found.values():
         check_cell(out, result.cell)  # One table must not mix settings.

@@ -16,7 +16,7 @@ from symoden.data import Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, load
-from symoden.storage import StorageError, write_atomically
+from symoden.storage import StorageError, exclusive, write_atomically
 from symoden.training import (
     ENSEMBLE,
     FEWEST_MEMBERS,
@@ -340,25 +340,27 @@ def train_run(
     Raises:
         ValueError: If the folder is not empty and nothing is to be resumed, or nothing can be learned from the data;
             nothing is left behind then.
+        StorageError: If another process is training there.
     """
     fresh = not (resume and holds_run(folder))
     if fresh:
         refuse_occupied(folder)
-    if fresh or config != read_run(folder):
-        write_run(folder, config)
-    try:
-        return fit(
-            dataset,
-            model=config.model,
-            config=config.training,
-            folder=folder,
-            resume=not fresh,
-            members=config.members,
-            max_minutes=max_minutes,
-            progress=progress,
-        )
-    except ValueError:
-        if fresh and [path.name for path in folder.iterdir()] == ["config.json"]:
-            (folder / "config.json").unlink()  # Nothing was begun: the folder is free for corrected data.
-            folder.rmdir()
-        raise
+    with exclusive(folder):
+        if fresh or config != read_run(folder):
+            write_run(folder, config)
+        try:
+            return fit(
+                dataset,
+                model=config.model,
+                config=config.training,
+                folder=folder,
+                resume=not fresh,
+                members=config.members,
+                max_minutes=max_minutes,
+                progress=progress,
+            )
+        except ValueError:
+            if fresh and [path.name for path in folder.iterdir()] == ["config.json"]:
+                (folder / "config.json").unlink()  # Nothing was begun: the folder is free for corrected data.
+                folder.rmdir()
+            raise
