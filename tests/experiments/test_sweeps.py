@@ -50,12 +50,13 @@ def test_the_task_s_own_number_said_outright_is_the_same_point():
     np.testing.assert_array_equal(both[0].curves["dissipative"].median, [1.0, 1.0])
 
 
-def test_what_failed_is_left_out():
+def test_what_failed_is_a_point_without_an_error():
     failed = CellResult(
         cell=Cell(task="pendulum", model="naive", preset="default", seed=0, trajectories=16), error="diverged"
     )
     (sweep,) = sweeps(table_rows([failed, result(), result(trajectories=64)]))
-    assert list(sweep.curves) == ["dissipative"]
+    np.testing.assert_array_equal(sweep.curves["naive"].median, [np.nan])
+    np.testing.assert_array_equal(sweep.curves["dissipative"].median, [1.0, 1.0])
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ class SweepCurve:
 
     Attributes:
         values: What is varied, increasing.
-        median: Median over the seeds of the mean over trajectories.
+        median: Median over the seeds of the mean over trajectories; NaN where every seed failed.
         least: Least over the seeds.
         greatest: Greatest over the seeds.
     """
@@ -70,8 +70,7 @@ def sweeps(rows: Sequence[Row]) -> tuple[Sweep, ...]:
     """
     groups: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        if row.prediction is not None:
-            groups.setdefault((row_name(row), row.preset), []).append(row)
+        groups.setdefault((row_name(row), row.preset), []).append(row)
     found = (sweep for (name, preset), group in groups.items() for sweep in _of(name, preset, group))
     return tuple(sweep for sweep in found if len({x for curve in sweep.curves.values() for x in curve.values}) > 1)
 
@@ -105,19 +104,18 @@ def _of(name: str, preset: str, rows: Sequence[Row]) -> tuple[Sweep, Sweep]:
 
 def _curves(values: Sequence[tuple[Row, float]]) -> dict[str, SweepCurve]:
     """One curve for each kind of model."""
-    found: dict[str, dict[float, SeedErrors]] = {kind: {} for kind in PAPER_ORDER}
+    found: dict[str, dict[float, SeedErrors | None]] = {kind: {} for kind in PAPER_ORDER}
     for row, x in values:
-        if row.prediction is not None:
-            found[row.model][x] = row.prediction
+        found[row.model][x] = row.prediction
     return {kind: _curve(errors) for kind, errors in found.items() if errors}
 
 
-def _curve(errors: Mapping[float, SeedErrors]) -> SweepCurve:
+def _curve(errors: Mapping[float, SeedErrors | None]) -> SweepCurve:
     """Sort the errors by what was varied."""
-    ordered = sorted(errors.items())
-    return SweepCurve(
-        values=np.array([x for x, _ in ordered]),
-        median=np.array([error.median for _, error in ordered]),
-        least=np.array([error.least for _, error in ordered]),
-        greatest=np.array([error.greatest for _, error in ordered]),
+    ordered = sorted(errors)
+    known = [errors[x] for x in ordered]
+    median, least, greatest = (
+        np.array([np.nan if error is None else getattr(error, name) for error in known])
+        for name in ("median", "least", "greatest")
     )
+    return SweepCurve(values=np.array(ordered), median=median, least=least, greatest=greatest)

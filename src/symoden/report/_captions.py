@@ -66,7 +66,7 @@ KINDS: Final[Mapping[str, tuple[str, str]]] = MappingProxyType(
             "Fewer trajectories, and noise",
             "Prediction error over the number of training trajectories without noise (dotted line: as in the paper),"
             " and over the noise on the training data with as many trajectories as in the paper. Bars are the range "
-            "over seeds.",
+            "over seeds; a cross at the upper edge: training failed, or the error is not finite.",
         ),
     }
 )

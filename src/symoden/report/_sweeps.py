@@ -24,7 +24,8 @@ def plot_sweep(result: Sweep, *, ax: Axes) -> Axes:
         ax: Where.
 
     Returns:
-        The same axes; a value of 0 stands at the left edge, and an error that is not finite has no marker.
+        The same axes; a value of 0 stands at the left edge, and a cross at the upper one where training failed or the
+        error is not finite.
     """
     values = np.unique(np.concatenate([curve.values for curve in result.curves.values()]))
     least = np.min(values[values > 0])
@@ -39,6 +40,8 @@ def plot_sweep(result: Sweep, *, ax: Axes) -> Axes:
         )
         ax.plot(at, median, marker=look.marker, markersize=4.5, label=kind, **look.line)
         ax.vlines(at, low, high, color=look.colour, linewidth=WIDTH)
+        lost = at[~np.isfinite(curve.median)]
+        ax.plot(lost, np.ones_like(lost), "x", color=look.colour, transform=ax.get_xaxis_transform(), clip_on=False)
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xticks(np.where(values > 0, values, zero), labels=[f"{value:g}" for value in values])

@@ -20,7 +20,7 @@ from symoden.storage import StorageError, load_arrays, save_arrays
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
 from ._levenberg_marquardt import LevenbergState
-from ._posterior import AbstractPosterior, AbstractScatter, Quantities
+from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._problem import Batch, evaluate_loss
 from ._run import Progress, Stopwatch
 from ._stages import EXACT, STALLED, AdamStage, LevenbergStage, TrainingState
@@ -35,7 +35,7 @@ _SAME: Final = 1e-4  # Relative difference of models that differ by rounding in 
 class _Members(AbstractScatter):
     """Every member's parameters."""
 
-    restore: Flattening
+    restore: Restore
     theta: Float[Array, " P"]
     members: Float[Array, "k P"]
 

@@ -19,7 +19,7 @@ from ._config import TrainingConfig
 from ._fit import hold_out, levenberg_data
 from ._flatten import Flattening, cast
 from ._gauss_newton import normal_equations
-from ._posterior import AbstractPosterior, AbstractScatter, Quantities
+from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._problem import Objective, evaluate_loss
 
 _MOST_PARAMETERS = 4000  # Beyond, the matrix takes minutes and gigabytes.
@@ -31,7 +31,7 @@ _DEVIATIONS = 48  # A standard deviation from so many is 10 % right.
 class _Linearized(AbstractScatter):
     """Deviations with the posterior's covariance, along which quantities are linearised."""
 
-    restore: Flattening
+    restore: Restore
     theta: Float[Array, " P"]
     deviations: Float[Array, "k P"]
 

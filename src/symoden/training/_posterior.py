@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+Restore: TypeAlias = Callable[[Float[Array, " P"]], Any]
 Quantities: TypeAlias = Callable[[Any], Float[Array, "*K"]]
 
 
@@ -38,7 +39,7 @@ class AbstractPosterior(abc.ABC):
         windows: Number of windows of training data.
     """
 
-    restore: Callable[[Float[Array, " P"]], Any]
+    restore: Restore
     theta: Float[np.ndarray, " P"]
     windows: int
 
