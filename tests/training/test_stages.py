@@ -13,7 +13,8 @@ from symoden.models import build
 from symoden.spaces import Space
 from symoden.training import _fit, _levenberg_marquardt as _levenberg
 from symoden.training._relevance import Relevance
-from symoden.training._stages import Incumbent, LevenbergStage, TrainingState
+from symoden.training._stages import LevenbergStage
+from symoden.training._state import Incumbent, TrainingState
 
 
 @pytest.fixture

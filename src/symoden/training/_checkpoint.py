@@ -9,7 +9,7 @@ import numpy as np
 
 from symoden.storage import StorageError, load_arrays, save_arrays
 
-from ._stages import TrainingState
+from ._state import TrainingState
 
 
 def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None:

@@ -23,7 +23,8 @@ from ._levenberg_marquardt import LevenbergState
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._problem import Batch, evaluate_loss
 from ._run import Progress, Stopwatch
-from ._stages import EXACT, STALLED, AdamStage, LevenbergStage, TrainingState
+from ._stages import EXACT, STALLED, AdamStage, LevenbergStage
+from ._state import TrainingState
 
 FEWEST_MEMBERS: Final = 2
 _TRIES: Final = 2  # Of initial weights, for every member that is wanted.

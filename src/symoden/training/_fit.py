@@ -27,7 +27,8 @@ from ._problem import Batch, Objective, channel_weights
 from ._relevance import MOST_PARAMETERS
 from ._run import MODEL, Journal, Progress, Stopwatch, run
 from ._scales import measure_scales, states, time_scale
-from ._stages import AbstractStage, AdamStage, Data, Incumbent, LevenbergStage, TrainingState
+from ._stages import AbstractStage, AdamStage, Data, LevenbergStage
+from ._state import Incumbent, TrainingState
 
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
 _LM_HORIZON = 2.0

@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 from symoden.storage import write_atomically
 
 from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
-from ._stages import AbstractStage, TrainingState
+from ._stages import AbstractStage
+from ._state import TrainingState
 
 MODEL: Final = "model.safetensors"
 ENSEMBLE: Final = "ensemble.safetensors"

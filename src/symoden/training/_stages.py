@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jaxtyping import Float, PyTree
+from jaxtyping import Float
 
 from symoden.blocks import RUNGS, trainable
 from symoden.integrate import RK4
@@ -22,6 +22,7 @@ from ._flatten import Flattening, cast
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, levenberg_marquardt_step
 from ._problem import Batch, Objective, evaluate_loss, evaluate_residuals, integration_error
 from ._relevance import Relevance, free_scale
+from ._state import Incumbent, Report, TrainingState
 
 DIVERGED = "diverged; the best model before was kept"
 
@@ -33,66 +34,6 @@ _STATES = 64  # Of those that windows start from: where the scale of the inertia
 _SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
 _NETWORKS = 2  # Standard errors that networks must gain: they are many numbers, and extrapolate badly.
 STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
-
-
-class Incumbent(NamedTuple):
-    """What a stage has to improve on.
-
-    Attributes:
-        model: The best model before.
-        memory: What was remembered then.
-        origin: Index of the stage that it came from.
-    """
-
-    model: AbstractDynamics
-    memory: PyTree
-    origin: int
-
-
-class TrainingState(NamedTuple):
-    """All that a resumed training needs; a PyTree.
-
-    Attributes:
-        stage: Index of the stage in progress.
-        step: Steps done in this stage.
-        model: The model now.
-        memory: What the stage remembers from step to step: Adam's moments, learned priors, or None.
-        damping: Levenberg-Marquardt's damping.
-        substeps: RK4 steps in each sampling interval in Levenberg-Marquardt.
-        best: The best model, by its validation loss.
-        best_loss: That loss.
-        origin: Index of the stage that the best model came from.
-        stale: Steps without a gain; while priors are learned, those that changed nothing.
-        incumbent: What this stage has to improve on.
-    """
-
-    stage: int
-    step: int
-    model: AbstractDynamics
-    memory: PyTree
-    damping: float
-    substeps: int
-    best: AbstractDynamics
-    best_loss: float
-    origin: int
-    stale: int
-    incumbent: Incumbent
-
-
-class Report(NamedTuple):
-    """What a stride did.
-
-    Attributes:
-        loss: Training loss.
-        validation: Validation loss; None without validation data.
-        finished: Whether the stage is over.
-        outcome: Why, in words; empty while it goes on.
-    """
-
-    loss: float
-    validation: float | None
-    finished: bool
-    outcome: str = ""
 
 
 class Data(NamedTuple):

@@ -1,0 +1,67 @@
+"""What training remembers from step to step, and what it says of each."""
+
+from typing import NamedTuple
+
+from jaxtyping import PyTree
+
+from symoden.mechanics import AbstractDynamics
+
+
+class Incumbent(NamedTuple):
+    """What a stage has to improve on.
+
+    Attributes:
+        model: The best model before.
+        memory: What was remembered then.
+        origin: Index of the stage that it came from.
+    """
+
+    model: AbstractDynamics
+    memory: PyTree
+    origin: int
+
+
+class TrainingState(NamedTuple):
+    """All that a resumed training needs; a PyTree.
+
+    Attributes:
+        stage: Index of the stage in progress.
+        step: Steps done in this stage.
+        model: The model now.
+        memory: What the stage remembers from step to step: Adam's moments, learned priors, or None.
+        damping: Levenberg-Marquardt's damping.
+        substeps: RK4 steps in each sampling interval in Levenberg-Marquardt.
+        best: The best model, by its validation loss.
+        best_loss: That loss.
+        origin: Index of the stage that the best model came from.
+        stale: Steps without a gain; while priors are learned, those that changed nothing.
+        incumbent: What this stage has to improve on.
+    """
+
+    stage: int
+    step: int
+    model: AbstractDynamics
+    memory: PyTree
+    damping: float
+    substeps: int
+    best: AbstractDynamics
+    best_loss: float
+    origin: int
+    stale: int
+    incumbent: Incumbent
+
+
+class Report(NamedTuple):
+    """What a stride did.
+
+    Attributes:
+        loss: Training loss.
+        validation: Validation loss; None without validation data.
+        finished: Whether the stage is over.
+        outcome: Why, in words; empty while it goes on.
+    """
+
+    loss: float
+    validation: float | None
+    finished: bool
+    outcome: str = ""
