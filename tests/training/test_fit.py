@@ -44,8 +44,9 @@ def test_the_parameters_of_a_damped_pendulum_are_recovered(pendulum):
 
 
 def test_the_same_seed_gives_the_same_bits_and_another_others(pendulum, small, quick):
+    config = dataclasses.replace(quick, restarts=1, growth_steps=0, relevance_steps=0)
     first, again, other = (
-        fit(pendulum(), model=small, config=dataclasses.replace(quick, seed=seed)).model for seed in (5, 5, 6)
+        fit(pendulum(), model=small, config=dataclasses.replace(config, seed=seed)).model for seed in (5, 5, 6)
     )
     assert eqx.tree_equal(first, again)
     assert not eqx.tree_equal(first, other)
