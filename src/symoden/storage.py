@@ -80,12 +80,12 @@ def exclusive(folder: Path) -> Iterator[None]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        handle = None if fcntl is None else os.open(folder, os.O_RDONLY)
     except OSError as error:
         raise StorageError(f"`{folder}` must be a folder that can be written; the system says: {error}.") from error
-    if fcntl is None:
+    if fcntl is None or handle is None:
         yield
         return
-    handle = os.open(folder, os.O_RDONLY)
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

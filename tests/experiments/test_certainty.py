@@ -12,7 +12,8 @@ import pytest
 from symoden.data import Dataset
 from symoden.experiments import Ranges, calibrate_bands, certainty, inspect_model, score_bands, simulate, task
 from symoden.integrate import RK4
-from symoden.models import BlockConfig, ModelConfig, rescale
+from symoden.models import BlockConfig, ModelConfig, build, rescale
+from symoden.spaces import Space
 from symoden.training import Ensemble, TrainingConfig, fit, hold_out, infer_posterior
 
 CONSTANT = BlockConfig(constant=True)
@@ -75,8 +76,12 @@ def test_the_gauge_changes_no_relative_band(learned):
     assert other.relative == pytest.approx(one.relative, rel=1e-3, abs=1e-9)
 
 
-def test_members_that_differ_in_the_gauge_alone_differ_in_nothing(learned):
+@pytest.mark.parametrize("full", [False, True])
+def test_members_that_differ_in_the_gauge_alone_differ_in_nothing(learned, full):
     model, dataset = learned
+    if full:
+        config = dataclasses.replace(MODEL, full_friction=True)
+        model = build(config, Space.parse("T1"), 1, key=jax.random.key(0))
 
     def in_units(change) -> Any:
         return lambda theta: change(model, float(theta[0]))
@@ -122,6 +127,7 @@ def test_bands_cover_what_they_say(trained, kind):
     assert score.calibrated_on == "validation"
     assert score.coverage == pytest.approx(0.9, abs=0.04)
     assert NOISE < score.half_width < 5 * NOISE
+    assert 0 < score.from_parameters < 1
     blind = dataclasses.replace(held, validation=())
     assert calibrate_bands(posterior, blind, solver=RK4(2)).calibrated_on == "train"
 

@@ -72,6 +72,23 @@ def test_what_is_computed_scatters_alike_in_compiled_functions_and_outside(found
     assert np.mean((others - np.asarray(value)) ** 2, axis=0) == pytest.approx(np.asarray(variance), rel=1e-4)
 
 
+def test_where_the_data_say_nothing_they_scatter_as_the_prior_does(noisy):
+    idle = tuple(dataclasses.replace(recording, us=np.zeros_like(recording.us)) for recording in noisy.train)
+    known = dataclasses.replace(noisy.known, input_matrix=None)
+    dataset = dataclasses.replace(noisy, train=idle, known=known)
+    result = fit(dataset, model=MODEL, config=STEPS, members=8)
+    assert result.ensemble is not None
+
+    def gain(model):
+        return model.input_matrix(jnp.zeros(1)).ravel()
+
+    told, said = (
+        float(np.linalg.norm(each.project(gain)))
+        for each in (result.ensemble, infer_posterior(result.model, dataset, STEPS))
+    )
+    assert 0.4 < told / said < 2.5  # 8 draws tell a standard deviation to 25 %
+
+
 def test_few_models_make_wider_bands_than_many(found):
     ensemble = found[0].ensemble
     few = dataclasses.replace(ensemble, members=ensemble.members[:2])
@@ -94,7 +111,7 @@ def test_it_is_read_back_beside_its_own_model_alone(found, tmp_path):
     with pytest.raises(StorageError, match="must be an ensemble"):
         load_ensemble(tmp_path / "other.safetensors", result.model)
     (tmp_path / "cut.safetensors").write_bytes(path.read_bytes()[:-9])
-    with pytest.raises(StorageError, match="whole safetensors file"):
+    with pytest.raises(StorageError, match=r"whole safetensors file.* The model is whole: remove this file"):
         load_ensemble(tmp_path / "cut.safetensors", result.model)
 
 
@@ -145,8 +162,15 @@ def test_a_member_that_is_cut_short_by_the_limit_of_time_is_none(noisy, tmp_path
     assert jax.tree.all(jax.tree.map(np.array_equal, limited.model, ended.model))
 
 
-@pytest.mark.parametrize(("members", "steps"), [(1, 8), (4, 0)])
-def test_one_member_and_members_without_levenberg_marquardt_are_refused(noisy, members, steps):
-    config = dataclasses.replace(STEPS, lm_steps=steps)
-    with pytest.raises(ValueError, match="`members` must be 0, or at least 2"):
-        fit(noisy, model=MODEL, config=config, members=members)
+@pytest.mark.parametrize(
+    ("members", "change", "message"),
+    [
+        (1, {}, "must be 0, or at least 2"),
+        (4, {"lm_steps": 0}, "need settings with Levenberg-Marquardt"),
+        (4, {"lm_horizon": 50}, "5 windows or more"),
+    ],
+)
+def test_members_that_could_not_tell_anything_are_refused(noisy, members, change, message):
+    few = dataclasses.replace(noisy, train=noisy.train[:3])
+    with pytest.raises(ValueError, match=message):
+        fit(few, model=MODEL, config=dataclasses.replace(STEPS, **change), members=members)

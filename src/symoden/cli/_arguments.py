@@ -62,7 +62,8 @@ class Train:
         trajectories: Number of a task's training trajectories, chosen at random; more are simulated where needed.
         noise: Standard deviation of Gaussian noise on every coordinate and rate of a task's training trajectories.
         members: Also train this many models like it, from other initial weights on windows drawn with replacement: how
-            they scatter makes the bands of `inspect`, `evaluate` and `report`. With --resume, of a run that has ended.
+            they scatter makes the bands of `inspect`, `evaluate` and `report`. At least 2, better 8; with --resume they
+            are added to a run that has ended, or to those that it has.
         resume: Continue the run in the folder, with its settings.
         max_minutes: Stop after this time with the best model so far.
         general: How to report.

@@ -42,7 +42,17 @@ def _certainty_as_json(found: Certainty | None, missing: str) -> dict[str, objec
     """What a program wants to know of the bands."""
     if found is None:
         return {"unavailable": missing}
-    names = ("level", "relative", "undetermined", "identified", "effective", "parameters", "windows")
+    names = (
+        "level",
+        "relative",
+        "undetermined",
+        "identified",
+        "effective",
+        "parameters",
+        "windows",
+        "members",
+        "tried",
+    )
     return {name: getattr(found, name) for name in names}
 
 

@@ -35,6 +35,7 @@ from ._output import TableText, number
 ROWS = 5  # Of a table.
 MOST_DRAWN = 8  # Recordings in one figure.
 _FINE = 61  # Points of a line.
+_NONE = 1e-6  # Relative width of a band that is none.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +80,7 @@ class Learned:
             try:
                 posterior = read_posterior(run, model, config, source.dataset)
             except ValueError as error:
-                uncertain = str(error)
+                uncertain = uncertain or str(error)
         return cls(config=config, model=model, source=source, missing=missing, posterior=posterior, uncertain=uncertain)
 
     def inspect(self, points: int = ROWS) -> tuple[Inspection, Certainty | None]:
@@ -250,7 +251,7 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
             f"± is half of a {certain.level:.0%} band, from {models}, each trained on {certain.windows} windows drawn "
             "with replacement"
         )
-    yield "typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in certain.relative.items() if value)
+    yield "typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in certain.relative.items() if value > _NONE)
     if certain.undetermined:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
 
@@ -265,7 +266,7 @@ def ensemble_words(members: int, tried: int) -> str:
     Returns:
         The words.
     """
-    astray = f" ({tried - members} more ended in another basin)" if tried > members else ""
+    astray = f" ({tried - members} more fitted worse than the model)" if tried > members else ""
     return f"{members} models from other initial weights{astray}"
 
 

@@ -59,18 +59,25 @@ def _on_terminal(bars: Bars) -> Callable[[Progress], None]:
 def _on_lines() -> Callable[[Progress], None]:
     """Print a line every few seconds, and at the first report and the end of each stage."""
     last: tuple[str, float] = ("", 0.0)
+    unsaid: Progress | None = None
 
     def report(progress: Progress) -> None:
-        nonlocal last
+        nonlocal last, unsaid
         now = time.monotonic()
+        if unsaid is not None and progress.stage != unsaid.stage:
+            _say(unsaid)  # How the stage before ended.
+        unsaid = progress
         if progress.stage != last[0] or progress.step == progress.steps or now - last[1] >= _PAUSE:
-            last = (progress.stage, now)
-            steps = f"{progress.step}/{progress.steps}"
-            print(
-                f"{progress.stage} {steps}  {_losses(progress)}  {progress.seconds:.0f} s", file=sys.stderr, flush=True
-            )
+            last, unsaid = (progress.stage, now), None
+            _say(progress)
 
     return report
+
+
+def _say(progress: Progress) -> None:
+    """Print a line."""
+    steps = f"{progress.step}/{progress.steps}"
+    print(f"{progress.stage} {steps}  {_losses(progress)}  {progress.seconds:.0f} s", file=sys.stderr, flush=True)
 
 
 def _losses(progress: Progress) -> str:

@@ -54,10 +54,13 @@ def _predictions(learned: Learned) -> Iterator["PageSection"]:
         return
     model, config, dataset = learned.model, learned.config, learned.source.dataset
     split, recordings = unseen(dataset)
-    bands = learned.bands()
-    words = []
-    if bands is not None:
-        words.append(f"{band_words(score_bands(bands, recordings, split=split))}.")
+    bands, words = None, []
+    try:
+        bands = learned.bands()
+        if bands is not None:
+            words.append(f"{band_words(score_bands(bands, recordings, split=split))}.")
+    except ValueError as error:
+        bands, words = None, [str(error)]
     drawn = min(MOST_DRAWN, len(recordings))
     yield PageSection(
         heading="Predictions",

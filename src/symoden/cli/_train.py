@@ -18,7 +18,7 @@ from symoden.experiments import (
     train_run,
 )
 from symoden.models import KINDS
-from symoden.training import FitResult
+from symoden.training import FEWEST_MEMBERS, FitResult
 
 from ._arguments import Train
 from ._learned import ensemble_words
@@ -61,7 +61,10 @@ def run(command: Train) -> None:
         print(f"{result.outcome}, after {result.seconds:.0f} s; {count_parameters(result.model)} parameters")
         if result.ensemble is not None:
             words = ensemble_words(len(result.ensemble.members), result.ensemble.tried)
-            print(f"{words}; how they scatter makes the bands of evaluate, inspect and report")
+            enough = len(result.ensemble.members) >= FEWEST_MEMBERS
+            print(f"{words}; {'how they scatter makes the bands' if enough else 'too few for bands'}")
+            if not result.completed:
+                print("go on with --resume")
         print(f"the run is in {command.out}")
 
 

@@ -71,7 +71,7 @@ class Bands:
 
     The variance of a predicted position is that of the uncertain parameters and the mean squared error
     on the training recordings so long after the start. A common factor makes the bands cover as much of the validation
-    recordings as they should (split conformal prediction); without any, it is the normal distribution's.
+    recordings as they should (split conformal prediction); without any, it is the posterior's own quantile.
 
     Attributes:
         posterior: What the data say of the model's parameters.
@@ -150,6 +150,8 @@ def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: A
     if not dataset.validation:
         return dataclasses.replace(bands, factor=posterior.quantile(LEVEL))
     error, deviation, _ = bands.along(dataset.validation)
+    if not error.size:
+        raise ValueError("Bands need rollouts that stay finite; all of those along the validation recordings diverge.")
     return dataclasses.replace(bands, factor=float(np.quantile(error / deviation, LEVEL)), calibrated_on="validation")
 
 
@@ -170,6 +172,8 @@ def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = 
     if not recordings:
         raise ValueError(f"Bands need recordings in the part `{split}` to be judged by; there are none.")
     error, half, share = bands.along(recordings)
+    if not error.size:
+        raise ValueError(f"Bands need rollouts that stay finite; all of those along the {split} recordings diverge.")
     return BandScore(
         level=LEVEL,
         calibrated_on=bands.calibrated_on,

@@ -97,7 +97,8 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         named = jnp.zeros(0) if model.parameters is None else model.parameters.values
         if free:
             factor = jnp.exp(size - log_size(model))
-            along, forces = jax.tree.map(lambda x: factor * x, (along, forces))
+            along = [_scaled(blocks, factor) for blocks in along]
+            forces = [factor * force for force in forces]
         return along, forces, named
 
     def log_size(model: StructuredModel) -> Scalar:
@@ -141,6 +142,18 @@ def _blocks(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray) -> _Bl
         )
 
     return jax.vmap(one)(jnp.asarray(q), jnp.asarray(v))
+
+
+def _scaled(blocks: _Blocks, factor: Scalar) -> _Blocks:
+    """Blocks in another unit of momentum; of a full D, what acts on the coordinates scales the other way."""
+    n, d = blocks.mass.shape[-1], blocks.dissipation.shape[-1]
+    root = jnp.sqrt(factor) ** jnp.concatenate([-jnp.ones(d - n), jnp.ones(n)])
+    return _Blocks(
+        mass=factor * blocks.mass,
+        potential=factor * blocks.potential,
+        inputs=factor * blocks.inputs,
+        dissipation=blocks.dissipation * jnp.outer(root, root)[None],
+    )
 
 
 def _as_profile(profile: Profile, blocks: _Blocks) -> Profile:

@@ -263,7 +263,7 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
 
 
 def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> AbstractPosterior:
-    """What the data leave open about a run's model: its ensemble if it has one, else Laplace's approximation.
+    """What the data leave open about a run's model: its ensemble if it is to have one, else Laplace's approximation.
 
     Args:
         folder: Folder of the run.
@@ -279,8 +279,9 @@ def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dat
         StorageError: If the ensemble is damaged, or that of another model.
     """
     path = folder / ENSEMBLE
-    if path.is_file():
+    if config.members and path.is_file():
         ensemble = load_ensemble(path, model)
+        ensemble = dataclasses.replace(ensemble, members=ensemble.members[: config.members])
         if len(ensemble.members) >= FEWEST_MEMBERS:
             return ensemble
     return infer_posterior(model, dataset, config.training)
@@ -309,8 +310,8 @@ def refuse_occupied(folder: Path) -> None:
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ValueError(
-            f"`{folder}` must be empty or absent; there is something already. Continue a run that was interrupted by "
-            "--resume, or choose another folder."
+            f"`{folder}` must be empty or absent; there is something already. Give --resume to go on "
+            "with a run that was interrupted or to add members to it, or choose another folder."
         )
 
 

@@ -23,10 +23,11 @@ from ._levenberg_marquardt import LevenbergState
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._problem import Batch, evaluate_loss
 from ._run import Progress, Stopwatch
-from ._stages import EXACT, STALLED, AdamStage, LevenbergStage
+from ._stages import EXACT, EXPLAINED, STALLED, AdamStage, LevenbergStage
 from ._state import TrainingState
 
 FEWEST_MEMBERS: Final = 2
+_FEWEST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
 _TRIES: Final = 2  # Of initial weights, for every member that is wanted.
 _ASTRAY: Final = 1.5  # Times the trained model's loss on the same windows: a member above has found another basin.
 _SAME: Final = 1e-4  # Relative difference of models that differ by rounding in a file.
@@ -51,17 +52,20 @@ class _Members(AbstractScatter):
 class Ensemble(AbstractPosterior):
     """Models that were trained like one, each from other initial weights on windows drawn with replacement.
 
-    How they scatter about it is how it would scatter if the recordings were made anew (the bootstrap of Efron); nothing
-    is linear in this, and nothing normal.
+    How they scatter about it is how it would scatter if its windows were drawn anew (the bootstrap of Efron), and if
+    each prior had another mean, drawn from itself: where the data say nothing, members scatter as the prior does.
+    Nothing is linear in this, and nothing normal. Priors that training has learned stay as they are, other than in
+    Laplace's approximation: what they narrowed counts as known.
 
     Attributes:
         members: Flat parameters of every member.
-        tried: How many were trained; those that ended in another basin, and fit their own windows worse than the model
-            does, are no members.
+        tried: How many were trained; those that fit their own windows worse than the model does, mostly because they
+            ended in another basin, are no members.
         corrections: Up to which rung corrections are free.
 
     References:
-        Efron (1979), *Bootstrap methods: another look at the jackknife*.
+        Efron (1979), *Bootstrap methods: another look at the jackknife*; Bardsley et al. (2014),
+        *Randomize-then-optimize*: the means of the priors.
     """
 
     members: Float[np.ndarray, "k P"]
@@ -97,7 +101,7 @@ class Ensemble(AbstractPosterior):
 
     def models(self) -> Iterator[AbstractDynamics]:
         """The members as models."""
-        return (self.restore(jnp.asarray(theta)) for theta in self.members)
+        return (cast(self.restore(jnp.asarray(theta)), jnp.zeros(()).dtype) for theta in self.members)
 
 
 def save_ensemble(path: Path, ensemble: Ensemble) -> None:
@@ -127,34 +131,46 @@ def load_ensemble(path: Path, model: AbstractDynamics) -> Ensemble:
     Raises:
         StorageError: If the file is absent or damaged, or belongs to another model.
     """
-    arrays, facts = load_arrays(path)
+    remedy = "The model is whole: remove this file, and train members anew by `--resume --members N`."
+    try:
+        arrays, facts = load_arrays(path)
+    except StorageError as error:
+        raise StorageError(f"{error} {remedy}") from error
     if set(arrays) != {"model", "members"}:
-        raise StorageError(f"`{path}` must be an ensemble; it is another file of symoden. Train it anew.")
+        raise StorageError(f"`{path}` must be an ensemble; it is another file of symoden. {remedy}")
     saved, members = arrays["model"], arrays["members"]
     tried, windows, corrections = (int(facts[name]) for name in ("tried", "windows", "corrections"))
     with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
         restore, theta = Flattening.of(cast(model, float), corrections=corrections)
     if saved.shape != theta.shape or not np.allclose(saved, theta, rtol=_SAME, atol=_SAME):
-        raise StorageError(f"`{path}` must be the ensemble of the run's model; it belongs to another. Train it anew.")
+        raise StorageError(f"`{path}` must be the ensemble of the run's model; it belongs to another. {remedy}")
     return Ensemble(
         restore=restore, theta=saved, windows=windows, members=members, tried=tried, corrections=corrections
     )
 
 
-def check_members(count: int, config: TrainingConfig) -> None:
-    """Refuse numbers of members that tell nothing, and settings that train none.
+def check_members(count: int, config: TrainingConfig, windows: int = _FEWEST_WINDOWS) -> None:
+    """Refuse numbers of members that tell nothing, and settings and data that train none.
 
     Args:
         count: How many are wanted; 0 is no ensemble.
         config: Settings of training.
+        windows: Number of windows to draw from, if it is known.
 
     Raises:
         ValueError: If there are too few, or training has no Levenberg-Marquardt.
     """
-    if count and (count < FEWEST_MEMBERS or not config.lm_steps):
+    if count and windows < _FEWEST_WINDOWS:
         raise ValueError(
-            f"`members` must be 0, or at least {FEWEST_MEMBERS} with settings that use Levenberg-Marquardt; "
-            f"got {count} and {config.lm_steps} of its steps."
+            f"Members need {_FEWEST_WINDOWS} windows or more to draw from; the training recordings have {windows}. "
+            "Record longer, or train without members."
+        )
+    if count and count < FEWEST_MEMBERS:
+        raise ValueError(f"`members` must be 0, or at least {FEWEST_MEMBERS}, better 8; got {count}.")
+    if count and not config.lm_steps:
+        raise ValueError(
+            "Members need settings with Levenberg-Marquardt, as the preset `default` has and `paper` has not. Train "
+            "without members, or by the other preset."
         )
 
 
@@ -213,19 +229,22 @@ def train_members(
         ensemble = load_ensemble(path, model)
     while not ensemble.is_complete(count):
         member = _Member(pattern, restore, ensemble.tried)
+        ended = False
         name, found = f"model {len(ensemble.members) + 1} of {count}", ensemble.theta
         for done in member.train():
             found = done.best
             progress(Progress(name, done.step, member.steps, done.loss, None, watch.seconds))
-            if watch.is_over:
+            ended = done.ended
+            if watch.is_over and not ended:
                 return ensemble
         members = ensemble.members
-        if member.loss(found) <= _ASTRAY * max(member.loss(ensemble.theta), EXACT):
+        floor = EXPLAINED if stage.config.scaled_loss else 0.0
+        if member.loss(found) <= _ASTRAY * max(member.loss(ensemble.theta), floor):
             members = np.concatenate([members, found[None]])
         ensemble = dataclasses.replace(ensemble, members=members, tried=ensemble.tried + 1)
         if path is not None:
             save_ensemble(path, ensemble)
-    return ensemble
+    return dataclasses.replace(ensemble, members=ensemble.members[:count])
 
 
 class _Trained(NamedTuple):
@@ -233,6 +252,7 @@ class _Trained(NamedTuple):
 
     step: int
     loss: float
+    ended: bool
     best: Float[np.ndarray, " P"]
 
 
@@ -260,7 +280,7 @@ class _Member:
     def steps(self) -> int:
         """Largest number of steps of Levenberg-Marquardt."""
         config = self.pattern.stage.config
-        return config.lm_steps + config.growth_steps
+        return config.lm_steps + config.growth_steps + self.pattern.stage.relevance * config.relevance_steps
 
     def train(self) -> Iterator[_Trained]:
         """Adam from fresh weights, then Levenberg-Marquardt.
@@ -273,8 +293,9 @@ class _Member:
         theta = Flattening.of(self._begun(), corrections=stage.corrections)[1]
         state, best, least, stale = LevenbergState(theta, config.damping), theta, math.inf, 0
         substeps, priors = self.pattern.state.substeps, self.pattern.state.memory
+        mean = self._mean(priors.precisions(self.restore(theta), stage.corrections))
         for step in range(self.steps):
-            state, done = stage.step(state, self.restore, self.windows, substeps=substeps, priors=priors)
+            state, done = stage.step(state, self.restore, self.windows, substeps=substeps, priors=priors, mean=mean)
             # Learned priors keep from fitting noise; else the validation windows tell when to stop, as in training.
             judged = done.after
             if data.validation is not None and not stage.relevance:
@@ -283,8 +304,10 @@ class _Member:
             stale = 0 if falling and judged < least else stale + 1
             if judged < least:
                 best, least = state.theta, judged
-            yield _Trained(step + 1, done.after, np.asarray(best))
-            if stale >= config.patience or (config.scaled_loss and judged < EXACT):
+            exact = config.scaled_loss and judged < EXACT
+            ended = exact or stale >= config.patience or step + 1 == self.steps
+            yield _Trained(step + 1, done.after, ended, np.asarray(best))
+            if ended:
                 break
 
     def _begun(self) -> AbstractDynamics:
@@ -293,12 +316,18 @@ class _Member:
         if adam is None:
             return cast(fresh, float)
         stage = dataclasses.replace(adam, fresh=fresh)
-        state = stage.start(self.pattern.state)._replace(best_loss=math.inf)
+        state = stage.start(self.pattern.state)
+        state = state._replace(best=state.model, best_loss=math.inf)
         finished = False
         while not finished:
             state, done = stage.advance(state)
             finished = done.finished
         return cast(state.best, float)
+
+    def _mean(self, precisions: Float[np.ndarray, " P"]) -> Float[np.ndarray, " P"]:
+        """A mean of the prior, drawn from itself; zero where it is flat."""
+        draws = np.random.default_rng([self.pattern.stage.config.seed, self.number, 1]).normal(size=len(precisions))
+        return np.where(precisions > 0, draws / np.sqrt(np.maximum(precisions, np.finfo(float).tiny)), 0.0)
 
     def _loss(self, theta: Float[np.ndarray, " P"], windows: Batch) -> float:
         model = self.restore(jnp.asarray(theta))

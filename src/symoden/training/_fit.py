@@ -12,7 +12,7 @@ import numpy as np
 import optax
 from jax.typing import DTypeLike
 
-from symoden.blocks import RUNGS, count_parameters
+from symoden.blocks import RUNGS, count_parameters, highest_rung
 from symoden.data import Dataset, split_validation, windows
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
@@ -122,6 +122,8 @@ def fit(
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
         stages, state = _prepare(dataset, model, config)
+        counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
+        check_members(members, config, min(counts, default=0))
         state, outcome, seconds = run(stages, state, journal, resume=resume, max_minutes=max_minutes, progress=progress)
         if not math.isfinite(state.best_loss):
             raise TrainingError(
@@ -139,7 +141,10 @@ def fit(
                 pattern, members, path=journal.ensemble, resume=resume, watch=watch, progress=progress
             )
             completed, seconds = ensemble.is_complete(members), watch.seconds
-            outcome = outcome if completed else watch.outcome
+            if not completed:
+                outcome = watch.outcome
+            elif len(ensemble.members) < members:
+                outcome = f"{len(ensemble.members)} of {ensemble.tried} members fitted as well as the model"
     return FitResult(
         model=best,
         outcome=outcome,
@@ -218,7 +223,9 @@ def _pattern(
     last = stages[state.origin]
     if not isinstance(last, LevenbergStage):
         raise TypeError("The best model must come from Levenberg-Marquardt.")
-    return Pattern(fresh, adam, last, state)
+    # What an earlier stage set free and validation kept is open, though the last one did not change it.
+    rung = max(last.corrections, highest_rung(state.best, jnp.zeros(state.best.space.size)))
+    return Pattern(fresh, adam, dataclasses.replace(last, corrections=rung), state)
 
 
 def _further(

@@ -21,6 +21,20 @@ _NEARBY = 0.1  # Share of the step over which its bend is measured.
 _LARGEST_BEND = 0.75  # Of a step that is accelerated, relative to its length.
 
 
+class Prior(NamedTuple):
+    """Gaussian prior of the parameters.
+
+    Attributes:
+        precision: λ of every parameter, or of each.
+        mean: θ₀, likewise.
+        variance: σ² of the residuals that it is weighed against; as it is before the step if None.
+    """
+
+    precision: float | Float[np.ndarray, " P"] = 0.0
+    mean: float | Float[np.ndarray, " P"] = 0.0
+    variance: float | None = None
+
+
 class LevenbergState(NamedTuple):
     """Everything that the next step needs.
 
@@ -56,14 +70,13 @@ def levenberg_marquardt_step(
     batch: Batch,
     *,
     reversible: Objective,
-    prior: float | Float[np.ndarray, " P"] = 0.0,
-    variance: float | None = None,
+    prior: Prior = Prior(),  # noqa: B008 - immutable
     pin: Float[np.ndarray, " P"] | None = None,
 ) -> tuple[LevenbergState, LevenbergStep]:
     """Solve (JᵀJ + λ diag) δ = −Jᵀr, with λ raised until the loss falls, and lowered fivefold once it has.
 
     The loss is the negative logarithm of the posterior under Gaussian errors of variance σ² and a Gaussian prior:
-    mean r² + σ² Σ `prior` θ² / (number of residuals). Where the data are exact the prior fades as the errors do.
+    mean r² + σ² Σ λ (θ − θ₀)² / (number of residuals). Where the data are exact the prior fades as the errors do.
 
     The way to the bottom leads along curved valleys, so a step follows the valley's bend: it is δ + a / 2 with
     (JᵀJ + λ diag) a = −Jᵀ ∂²r/∂δ², the acceleration of a geodesic on the surface of all predictions. It takes a third
@@ -75,8 +88,7 @@ def levenberg_marquardt_step(
         objective: How rollouts are compared with windows.
         batch: Windows.
         reversible: The same objective with a solver that reverse-mode differentiation reaches through.
-        prior: Precision of the prior on every parameter, or on each.
-        variance: σ²; that of the residuals before the step if None.
+        prior: λ, θ₀ and σ².
         pin: Direction along which the parameters stay where they are, if any.
 
     Returns:
@@ -93,15 +105,17 @@ def levenberg_marquardt_step(
         equations = normal_equations(restore, state.theta, objective, batch, precision=state.theta.dtype)
     if pin is not None:
         equations = equations.pinned(pin)
-    ridge = np.full(state.theta.size, prior * (equations.loss if variance is None else variance))
+    variance = equations.loss if prior.variance is None else prior.variance
+    ridge = np.full(state.theta.size, prior.precision * variance)
     ridge /= equations.residuals.size
     theta = np.asarray(state.theta, float)
-    before = equations.loss + float(ridge @ theta**2)
+    middle = np.full_like(theta, prior.mean)
+    before = equations.loss + float(ridge @ (theta - middle) ** 2)
     damping, growth = state.damping, 2.0
     for _ in range(_TRIALS):
-        trial = theta + _step(equations, surface, theta, damping=damping, ridge=ridge)
+        trial = theta + _step(equations, surface, theta, damping=damping, ridge=ridge, pull=ridge * (theta - middle))
         after = surface.loss(trial)
-        if after + float(ridge @ trial**2) < before:
+        if after + float(ridge @ (trial - middle) ** 2) < before:
             done = LevenbergState(jnp.asarray(trial, state.theta.dtype), max(damping / 5, _SMALLEST_DAMPING))
             return done, LevenbergStep(equations.loss, after, accepted=True, equations=equations)
         damping, growth = min(damping * growth, _LARGEST_DAMPING), 2 * growth
@@ -136,7 +150,13 @@ class _Surface(NamedTuple):
 
 
 def _step(
-    equations: NormalEquations, surface: _Surface, theta: np.ndarray, *, damping: float, ridge: np.ndarray
+    equations: NormalEquations,
+    surface: _Surface,
+    theta: np.ndarray,
+    *,
+    damping: float,
+    ridge: np.ndarray,
+    pull: np.ndarray,
 ) -> np.ndarray:
     """Damped Gauss-Newton step and half its acceleration; NaN where the equations have no solution."""
     diagonal = np.diag(equations.matrix) + ridge
@@ -148,7 +168,7 @@ def _step(
             factor = scipy.linalg.cho_factor(equations.matrix + np.diag(ridge + damping * scale), check_finite=False)
     except np.linalg.LinAlgError:  # Rounding: more damping helps.
         return np.full_like(theta, np.nan)
-    step = -scipy.linalg.cho_solve(factor, equations.gradient + ridge * theta, check_finite=False)
+    step = -scipy.linalg.cho_solve(factor, equations.gradient + pull, check_finite=False)
     with np.errstate(over="ignore", invalid="ignore"):
         ahead, behind = (surface.residuals(theta + sign * _NEARBY * step) for sign in (1, -1))
         bend = (ahead - 2 * equations.residuals + behind) / _NEARBY**2

@@ -10,6 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ._flatten import cast
+
 Restore: TypeAlias = Callable[[Float[Array, " P"]], Any]
 Quantities: TypeAlias = Callable[[Any], Float[Array, "*K"]]
 
@@ -45,8 +47,8 @@ class AbstractPosterior(abc.ABC):
 
     @property
     def model(self) -> Any:  # noqa: ANN401 - any kind of model
-        """The trained model."""
-        return self.restore(jnp.asarray(self.theta))
+        """The trained model, in the user's precision."""
+        return cast(self.restore(jnp.asarray(self.theta)), jnp.zeros(()).dtype)
 
     @abc.abstractmethod
     def quantile(self, level: float) -> float:
@@ -67,7 +69,8 @@ class AbstractPosterior(abc.ABC):
             quantities: A differentiable function of the model, with a vector as its value.
 
         Returns:
-            The rows' norms are standard deviations; their products covariances.
+            The rows' norms are standard deviations; their products covariances. What no data of positions and
+            velocities tell, the common scale of M, V, g and D where nothing fixes it, is part of them.
         """
 
     @abc.abstractmethod

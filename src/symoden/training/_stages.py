@@ -19,7 +19,7 @@ from symoden.mechanics import AbstractDynamics
 from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
-from ._levenberg_marquardt import LevenbergState, LevenbergStep, levenberg_marquardt_step
+from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
 from ._problem import Batch, Objective, evaluate_loss, evaluate_residuals, integration_error
 from ._relevance import Relevance, free_scale
 from ._state import Incumbent, Report, TrainingState
@@ -28,7 +28,7 @@ DIVERGED = "diverged; the best model before was kept"
 
 _CHUNK = 200
 _MOST_SUBSTEPS = 16
-_EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
+EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
 EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
 _STATES = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
@@ -224,7 +224,7 @@ class LevenbergStage(AbstractStage):
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
-        if state.step == 0 and (self.corrections or self.relevance) and self._is_below(_EXPLAINED, state):
+        if state.step == 0 and self._is_optional and self._is_below(EXPLAINED, state):
             report = Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
             return self._defended(state, kept=False), report
         substeps = self._refined(state)
@@ -247,13 +247,20 @@ class LevenbergStage(AbstractStage):
             stale=0 if better and falling else state.stale + 1,
         )
         ended, outcome = self._ended(state)
-        if ended and self.corrections and self.data.validation is not None:
+        if ended and (self.corrections or self.longer) and self.data.validation is not None:
             gain = -self.data.compare(state.best, state.incumbent.model, objective)
             state = self._defended(state, kept=gain > (_NETWORKS if self.corrections == RUNGS else 1))
         return state, Report(step.after, validation, ended, outcome)
 
     def step(
-        self, state: LevenbergState, restore: Flattening, batch: Batch, *, substeps: int, priors: Relevance
+        self,
+        state: LevenbergState,
+        restore: Flattening,
+        batch: Batch,
+        *,
+        substeps: int,
+        priors: Relevance,
+        mean: float | Float[np.ndarray, " P"] = 0.0,
     ) -> tuple[LevenbergState, LevenbergStep]:
         """One step of Levenberg-Marquardt.
 
@@ -263,6 +270,7 @@ class LevenbergStage(AbstractStage):
             batch: Windows to fit.
             substeps: RK4 steps in each sampling interval.
             priors: Priors of the parameters.
+            mean: Their mean.
 
         Returns:
             The state after the step, and what the step did.
@@ -275,8 +283,11 @@ class LevenbergStage(AbstractStage):
             self.objective(substeps),
             batch,
             reversible=self.objective(substeps, reversible=True),
-            prior=priors.precisions(model, self.corrections),
-            variance=float(priors.variance) or None if self.relevance else None,  # Else it fades with the loss.
+            prior=Prior(
+                priors.precisions(model, self.corrections),
+                mean,
+                float(priors.variance) or None if self.relevance else None,  # Else it fades with the loss.
+            ),
             pin=pin,
         )
 
@@ -317,7 +328,12 @@ class LevenbergStage(AbstractStage):
     @property
     def _enough(self) -> float:
         """Loss below which nothing is left to do: more need not be set free long before a model is exact."""
-        return _EXPLAINED if self.corrections or self.relevance else EXACT
+        return EXPLAINED if self._is_optional else EXACT
+
+    @property
+    def _is_optional(self) -> bool:
+        """Whether there is nothing to do where nothing is left to explain."""
+        return bool(self.corrections) or self.relevance or self.longer
 
     def _is_below(self, bound: float, state: TrainingState) -> bool:
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
