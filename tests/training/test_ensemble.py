@@ -12,6 +12,7 @@ from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig
 from symoden.storage import StorageError, save_arrays
 from symoden.training import Ensemble, TrainingConfig, _ensemble, fit, infer_posterior, load_ensemble
+from symoden.training._flatten import Flattening
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=())
@@ -87,6 +88,22 @@ def test_where_the_data_say_nothing_they_scatter_as_the_prior_does(noisy):
         for each in (result.ensemble, infer_posterior(result.model, dataset, STEPS))
     )
     assert 0.4 < told / said < 2.5  # 8 draws tell a standard deviation to 25 %
+
+
+def test_members_go_through_adam_and_validation_and_keep_learned_priors(pendulum, small, quick, monkeypatch):
+    begun = []
+    real = _ensemble._Member._begun
+    monkeypatch.setattr(_ensemble._Member, "_begun", lambda self: begun.append(real(self)) or begun[-1])
+    result = fit(pendulum(count=4, samples=41), model=small, config=quick, members=2)
+    ensemble = result.ensemble
+    assert ensemble is not None
+    assert len(begun) == ensemble.tried >= len(ensemble.members)
+    starts = [Flattening.of(model, corrections=ensemble.corrections)[1] for model in begun]
+    for start in starts:
+        assert not np.allclose(start, ensemble.theta, rtol=1e-3)
+    assert not np.allclose(starts[0], starts[1], rtol=1e-3)
+    assert np.isfinite(ensemble.members).all()
+    assert result.completed
 
 
 def test_few_models_make_wider_bands_than_many(found):
