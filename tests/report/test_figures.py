@@ -216,6 +216,7 @@ def test_sweeps_are_lines_with_markers_and_zero_stands_at_the_left(figure):
     np.testing.assert_array_equal(lines["dissipative"].get_ydata(), [4.0, 2.0])
     np.testing.assert_array_equal(lines["naive"].get_ydata(), [np.nan, 7.0])
     assert lines["naive"].get_marker() == LOOKS["naive"].marker
+    assert all(panel.get_position().width > 0.25 for panel in (counts, noises))  # Marks take no room from the panels.
     crosses = [line for line in counts.get_lines() if line.get_marker() == "x" and len(line.get_xdata())]
     assert [(line.get_color(), list(line.get_ydata())) for line in crosses] == [(LOOKS["naive"].colour, [1.0])]
     assert [label.get_text() for label in counts.get_xticklabels()] == ["16", "320"]

@@ -41,7 +41,8 @@ def plot_sweep(result: Sweep, *, ax: Axes) -> Axes:
         ax.plot(at, median, marker=look.marker, markersize=4.5, label=kind, **look.line)
         ax.vlines(at, low, high, color=look.colour, linewidth=WIDTH)
         lost = at[~np.isfinite(curve.median)]
-        ax.plot(lost, np.ones_like(lost), "x", color=look.colour, transform=ax.get_xaxis_transform(), clip_on=False)
+        (crosses,) = ax.plot(lost, np.ones_like(lost), "x", color=look.colour, transform=ax.get_xaxis_transform())
+        crosses.set(clip_on=False, in_layout=False)
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xticks(np.where(values > 0, values, zero), labels=[f"{value:g}" for value in values])
