@@ -46,7 +46,7 @@ def draw_recorded(recordings: Sequence[RecordedPaths], names: Sequence[str]) -> 
     if any(recording.windows for recording in recordings):
         label = "rollouts of 1 s from measured states, with 90 % bands"
         handles.append(Patch(facecolor=COLOURS[0], alpha=2 * _BAND, label=label))
-    figure.legend(handles=handles, fontsize=LABEL, frameon=False, loc="outside lower center", ncols=1)
+    figure.legend(handles=handles, fontsize=LABEL, frameon=False, loc="outside lower center")
     return figure
 
 

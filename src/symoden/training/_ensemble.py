@@ -229,13 +229,11 @@ def train_members(
         ensemble = load_ensemble(path, model)
     while not ensemble.is_complete(count):
         member = _Member(pattern, restore, ensemble.tried)
-        ended = False
         name, found = f"model {len(ensemble.members) + 1} of {count}", ensemble.theta
         for done in member.train():
             found = done.best
             progress(Progress(name, done.step, member.steps, done.loss, None, watch.seconds))
-            ended = done.ended
-            if watch.is_over and not ended:
+            if watch.is_over and not done.ended:
                 return ensemble
         members = ensemble.members
         floor = EXPLAINED if stage.config.scaled_loss else 0.0
