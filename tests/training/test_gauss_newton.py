@@ -16,7 +16,7 @@ from symoden.spaces import Space
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import linearize, normal_equations, pull_back
 from symoden.training._levenberg_marquardt import LevenbergState, levenberg_marquardt_step
-from symoden.training._problem import Batch, Objective
+from symoden.training._objective import Batch, Objective
 
 
 def problem(dataset, config, hold="zero", *, momenta=False):

@@ -11,7 +11,8 @@ from symoden.models import build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import NormalEquations
-from symoden.training._relevance import Relevance, free_scale, independent_variance, parameter_groups
+from symoden.training._level import independent_variance
+from symoden.training._relevance import Relevance, free_scale, parameter_groups
 
 WINDOWS, ROWS = 100, 10
 

@@ -29,6 +29,7 @@ def stage(pendulum, small, quick):
         memory=None,
         damping=1e-4,
         substeps=1,
+        level=1.0,
         best=model,
         best_loss=1.0,
         origin=0,
@@ -141,7 +142,7 @@ def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):
 
 def test_models_are_compared_window_against_window(stage):
     stage, state = stage
-    objective = stage.objective(1)
+    objective = stage.objective(1, 1.0)
     data = stage.data._replace(validation=stage.data.train)
     worse = jax.tree.map(lambda x: 1.5 * x if eqx.is_inexact_array(x) else x, state.model)
     assert data.compare(state.model, state.model, objective) == 0

@@ -6,6 +6,7 @@ from ._errors import DataError as DataError, DataWarning as DataWarning
 from ._facts import ChannelFacts as ChannelFacts
 from ._findings import Finding as Finding
 from ._logs import Log as Log
+from ._noise import SensorNoise as SensorNoise, measure_noise as measure_noise
 from ._read_dataset import read_dataset as read_dataset
 from ._resample import resample as resample
 from ._split import segments as segments, split_validation as split_validation
@@ -23,10 +24,12 @@ __all__ = [
     "Finding",
     "Log",
     "RecordingCheck",
+    "SensorNoise",
     "Trajectory",
     "Windows",
     "check_dataset",
     "estimate_velocities",
+    "measure_noise",
     "read_dataset",
     "resample",
     "segments",

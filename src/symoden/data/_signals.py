@@ -6,7 +6,7 @@ import numpy as np
 
 from ._shapes import Times
 
-_ORDER: Final = 5  # Windows of one more sample see no motion that is a polynomial of lower degree.
+_ORDER: Final = 5
 _SIGMA: Final = 1.4826  # standard deviation of a Gaussian over the median of its absolute value
 _MODES, _PARTS, _RECURS = 5, 6, 0.003
 _ON_GRID, _NEAR, _TINY = 0.85, 0.1, 1e-3
@@ -46,21 +46,22 @@ def quantum(signal: np.ndarray) -> float:
     return 0.0
 
 
-def noise_level(ts: Times, signal: np.ndarray, *, longest: float) -> float:
+def noise_level(ts: Times, signal: np.ndarray, *, longest: float, order: int = _ORDER) -> float:
     """Standard deviation of what is too fast for a motion, at uneven time stamps too.
 
-    Divided differences of order 5, scaled to unit weight, vanish on every smooth motion and leave white noise its
+    Divided differences of high order, scaled to unit weight, vanish on every smooth motion and leave white noise its
     size; their median does not see single jumps.
 
     Args:
         ts: Increasing time stamps [s].
         signal: Samples.
         longest: Longest step that is no gap [s]; no window spans a gap.
+        order: Of the differences; they see no motion that is a polynomial of lower degree.
 
     Returns:
         The level; 0 where there are too few samples.
     """
-    size = _ORDER + 1
+    size = order + 1
     if len(ts) < 2 * size:
         return 0.0
     times = np.lib.stride_tricks.sliding_window_view(ts, size)

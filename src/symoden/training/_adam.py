@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from symoden.shapes import Scalar
 
-from ._problem import Batch, Objective
+from ._objective import Batch, Objective
 
 
 class AdamState(NamedTuple):

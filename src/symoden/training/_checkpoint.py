@@ -29,6 +29,7 @@ def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None
         "step": state.step,
         "damping": state.damping,
         "substeps": state.substeps,
+        "level": repr(state.level),
         "best_loss": repr(state.best_loss),
         "origin": state.origin,
         "incumbent": state.incumbent.origin,
@@ -71,7 +72,7 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
     leaves, structure = jax.tree.flatten(like)
     shapes = [(leaf.shape, str(leaf.dtype)) for leaf in leaves if eqx.is_array(leaf)]
     saved = [arrays[name] for name in sorted(arrays)]
-    if "origin" not in plain or shapes != [(array.shape, str(array.dtype)) for array in saved]:
+    if "level" not in plain or shapes != [(array.shape, str(array.dtype)) for array in saved]:
         raise StorageError(
             f"`{path}` must be a checkpoint of the same settings and version; its contents differ. Start a new run."
         )
@@ -82,6 +83,7 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
         step=int(plain["step"]),
         damping=float(plain["damping"]),
         substeps=int(plain["substeps"]),
+        level=float(plain["level"]),
         best_loss=float(plain["best_loss"]),
         origin=int(plain["origin"]),
         incumbent=state.incumbent._replace(origin=int(plain["incumbent"])),

@@ -20,8 +20,9 @@ from symoden.storage import StorageError, load_arrays, save_arrays
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
 from ._levenberg_marquardt import LevenbergState
+from ._objective import Batch
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
-from ._problem import Batch, evaluate_loss
+from ._residuals import evaluate_loss
 from ._run import Progress, Stopwatch
 from ._stages import EXACT, EXPLAINED, STALLED, AdamStage, LevenbergStage
 from ._state import TrainingState
@@ -290,10 +291,18 @@ class _Member:
         data, config = stage.data, stage.config
         theta = Flattening.of(self._begun(), corrections=stage.corrections)[1]
         state, best, least, stale = LevenbergState(theta, config.damping), theta, math.inf, 0
-        substeps, priors = self.pattern.state.substeps, self.pattern.state.memory
+        final, priors = self.pattern.state, self.pattern.state.memory
         mean = self._mean(priors.precisions(self.restore(theta), stage.corrections))
         for step in range(self.steps):
-            state, done = stage.step(state, self.restore, self.windows, substeps=substeps, priors=priors, mean=mean)
+            state, done = stage.step(
+                state,
+                self.restore,
+                self.windows,
+                substeps=final.substeps,
+                level=final.level,
+                priors=priors,
+                mean=mean,
+            )
             # Learned priors keep from fitting noise; else the validation windows tell when to stop, as in training.
             judged = done.after
             if data.validation is not None and not stage.relevance:
@@ -329,4 +338,5 @@ class _Member:
 
     def _loss(self, theta: Float[np.ndarray, " P"], windows: Batch) -> float:
         model = self.restore(jnp.asarray(theta))
-        return evaluate_loss(model, self.pattern.stage.objective(self.pattern.state.substeps), windows)
+        final = self.pattern.state
+        return evaluate_loss(model, self.pattern.stage.objective(final.substeps, final.level), windows)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +14,7 @@ import optax
 from jax.typing import DTypeLike
 
 from symoden.blocks import RUNGS, count_parameters, highest_rung
-from symoden.data import Dataset, split_validation, windows
+from symoden.data import Dataset, measure_noise, split_validation, windows
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, build, check_known, save
@@ -23,7 +24,7 @@ from ._adam import adam
 from ._config import TrainingConfig
 from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._flatten import cast
-from ._problem import Batch, Objective, channel_weights
+from ._objective import Batch, Objective, channel_weights
 from ._relevance import MOST_PARAMETERS
 from ._run import MODEL, Journal, Progress, Stopwatch, run
 from ._scales import measure_scales, states, time_scale
@@ -180,6 +181,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         memory=None,
         damping=config.damping,
         substeps=config.lm_substeps or 1,
+        level=math.inf,
         best=dynamics,
         best_loss=math.inf,
         origin=0,
@@ -274,6 +276,7 @@ def _longer(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: Tr
         if dataset.validation:
             steps = min(horizon, min(map(len, dataset.validation)) - 1)
             long = long._replace(validation=Batch.of(windows(dataset.validation, steps, stride=steps), jnp.float64))
+        long = _free_starts(long, dataset)
         found.append(long)
     return found
 
@@ -314,7 +317,20 @@ def _adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingCon
 def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
     """Longer windows end to end, each sample being predicted once, in double precision."""
     horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
-    return _data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
+    return _free_starts(_data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64), dataset)
+
+
+def _free_starts(data: Data, dataset: Dataset) -> Data:
+    """Let windows start from estimated states where the sensors are noisy."""
+    noise = measure_noise(dataset.train)
+    if not noise.is_seen:
+        return data
+    is_angle = np.array(Space.parse(dataset.space).is_angle)
+    lengths, angles = noise.q[~is_angle], noise.q[is_angle]
+    channels = jnp.asarray(np.concatenate([lengths, angles, angles, noise.rates]), float)
+    return data._replace(
+        objective=eqx.tree_at(lambda o: o.noise, data.objective, channels, is_leaf=lambda x: x is None)
+    )
 
 
 def _data(

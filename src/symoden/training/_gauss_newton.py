@@ -14,7 +14,9 @@ from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Inputs, Scalar, State
 
 from ._flatten import cast
-from ._problem import Batch, Objective, chunks, evaluate_residuals, map_windows
+from ._objective import Batch, Objective
+from ._residuals import chunks, map_windows, residuals_at
+from ._starts import project_out, without_starts
 
 Parameters = Float[Array, " P"]
 Sensitivity = Float[Array, "s P"]
@@ -65,6 +67,7 @@ def linearize(
 
     Ṡ = (∂f/∂x) S + ∂f/∂θ is integrated by the solver of the state, which gives the exact derivative of a Runge-Kutta
     rollout. Its cost grows linearly with the horizon, where one reverse pass per residual grows quadratically.
+    Where starts are free, they follow the parameters.
 
     Args:
         restore: Makes the dynamics from flat parameters.
@@ -84,7 +87,7 @@ def linearize(
 
         rate, pullback = jax.vjp(derivative, state, theta)
         by_state, by_theta = jax.vmap(pullback)(jnp.eye(state.shape[0], dtype=state.dtype))
-        return rate, by_state @ sensitivity + by_theta
+        return rate, by_state @ sensitivity + _padded(by_theta, sensitivity.shape[1] - by_theta.shape[1])
 
     def step(pair: tuple[State, Sensitivity], sample: tuple) -> tuple:
         after = objective.solver.step(field, pair, *sample)
@@ -93,18 +96,29 @@ def linearize(
     def observe(state: State, theta: Parameters) -> Array:
         return restore(theta).observe(state)
 
-    def encode(theta: Parameters) -> State:
-        return restore(theta).encode(window.q[0], window.rates[0])
+    def encode(theta: Parameters, start: Array) -> State:
+        return restore(theta).encode(*jnp.split(start, 2))
 
-    start = (encode(theta), jax.jacrev(encode)(theta))
-    _, (states, sensitivities) = jax.lax.scan(step, start, (window.ts[:-1], window.ts[1:], *objective.hold(window.us)))
+    first = encode(theta, window.start)
+    by_theta, by_start = jax.jacrev(encode, argnums=(0, 1))(theta, window.start)
+    freed = by_start if objective.frees_starts else by_start[:, :0]  # More columns of the sensitivity.
+    start = (first, jnp.concatenate([by_theta, freed], axis=1))
+    _, after = jax.lax.scan(step, start, (window.ts[:-1], window.ts[1:], *objective.hold(window.us)))
+    states, sensitivities = jax.tree.map(lambda x, rest: jnp.concatenate([x[None], rest]), start, after)
     by_state, by_theta = jax.vmap(jax.jacrev(observe, argnums=(0, 1)), in_axes=(0, None))(states, theta)
-    weights = objective.weights.astype(theta.dtype)[None]
-    jacobian = weights[:, :, None] * (by_state @ sensitivities + by_theta)
     dynamics = restore(theta)
-    measured = jnp.concatenate([jax.vmap(dynamics.space.embed)(window.q), window.rates], axis=1)[1:]
-    residuals = weights * (jax.vmap(dynamics.observe)(states) - measured)
-    return residuals.ravel(), jacobian.reshape(residuals.size, theta.size)
+    residuals = objective.compare(dynamics, jax.vmap(dynamics.observe)(states), window)
+    rows = objective.row_weights(window.ts.shape[0]).astype(theta.dtype)
+    jacobian = by_state @ sensitivities + _padded(by_theta, freed.shape[1])
+    jacobian = (rows[:, :, None] * jacobian[-len(rows) :]).reshape(residuals.size, -1)
+    if objective.frees_starts:
+        jacobian = project_out(jacobian[:, theta.size :], jacobian[:, : theta.size])
+    return residuals.ravel(), jacobian
+
+
+def _padded(derivative: Float[Array, "... P"], columns: int) -> Float[Array, "... Q"]:
+    """A derivative by the parameters as one by these and the start, on which it does not depend."""
+    return jnp.pad(derivative, [(0, 0)] * (derivative.ndim - 1) + [(0, columns)])
 
 
 @eqx.filter_jit
@@ -135,14 +149,14 @@ def normal_equations(
         restore: Makes the dynamics from flat parameters.
         theta: Flat parameters.
         objective: How rollouts are compared with windows.
-        batch: Windows.
+        batch: Windows, from the best starts where these are free.
         chunk: Number of windows linearised at once; as many as keep their Jacobian below 64 MB if None.
         precision: Of the Jacobian.
 
     Returns:
         The normal equations, in double precision.
     """
-    residuals = np.asarray(evaluate_residuals(restore(theta), objective, batch), float)
+    residuals = np.asarray(residuals_at(restore(theta), objective, batch), float)
     total, rows = len(residuals), residuals[0].size
     chunk = min(chunk or max(1, _LARGEST_JACOBIAN // (rows * theta.size)), total)
     rough_restore, rough_theta, rough_objective, rough_batch = (
@@ -170,11 +184,11 @@ def pull_back(
     theta: Parameters,
     objective: Objective,
     batch: Batch,
-    cotangents: Float[Array, "B h o"],
+    cotangents: Float[Array, "B k o"],
     *,
     chunk: int = 128,
 ) -> Parameters:
-    """Jᵀ c without J, by reverse-mode differentiation of some windows at a time.
+    """Jᵀ c without J, by reverse-mode differentiation of some windows at a time; starts stay where they are.
 
     Args:
         restore: Makes the dynamics from flat parameters.
@@ -193,11 +207,13 @@ def pull_back(
     def add(total: Parameters, some: tuple[Int[Array, " c"], Bool[Array, " c"]]) -> tuple[Parameters, None]:
         which, dropped = some
         windows = batch.take(which)
+        kept = jnp.where(dropped[:, None, None], 0, cotangents[which])
+        kept = jax.vmap(lambda window, c: without_starts(restore(theta), objective, window, c))(windows, kept)
 
-        def residuals(theta: Parameters) -> Float[Array, "c h o"]:
+        def residuals(theta: Parameters) -> Float[Array, "c k o"]:
             return jax.vmap(lambda window: objective.residuals(restore(theta), window))(windows)
 
         _, pull = jax.vjp(residuals, theta)
-        return total + pull(jnp.where(dropped[:, None, None], 0, cotangents[which]))[0], None
+        return total + pull(kept)[0], None
 
     return jax.lax.scan(add, jnp.zeros_like(theta), (index, repeated))[0]

@@ -19,8 +19,9 @@ from ._config import TrainingConfig
 from ._fit import hold_out, levenberg_data
 from ._flatten import Flattening, cast
 from ._gauss_newton import normal_equations
+from ._level import expected_level
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
-from ._problem import Objective, evaluate_loss
+from ._residuals import evaluate_loss, find_starts
 
 _MOST_PARAMETERS = 4000  # Beyond, the matrix takes minutes and gigabytes.
 _SUBSTEPS = 4
@@ -115,8 +116,9 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
             )
         data = levenberg_data(hold_out(dataset, config), model, config)
         solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
-        objective = Objective(data.objective.weights, solver, data.objective.hold)
-        equations = normal_equations(restore, theta, objective, data.train)
+        level = expected_level(restore, theta, data.objective, solver, data.train)
+        objective = data.objective.refined(solver, level)
+        equations = normal_equations(restore, theta, objective, find_starts(model, objective, data.train))
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)
     factor, effective = _sandwich(
         equations.matrix * equations.residuals.size,

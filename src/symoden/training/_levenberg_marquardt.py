@@ -12,7 +12,8 @@ from threadpoolctl import threadpool_limits
 from symoden.mechanics import AbstractDynamics
 
 from ._gauss_newton import NormalEquations, Parameters, normal_equations, pull_back
-from ._problem import Batch, Objective, evaluate_loss, evaluate_residuals
+from ._objective import Batch, Objective
+from ._residuals import evaluate_loss, evaluate_residuals, find_starts
 
 _SMALLEST_DAMPING = 1e-14
 _LARGEST_DAMPING = 1e8
@@ -99,6 +100,7 @@ def levenberg_marquardt_step(
         (2012), *Improvements to the Levenberg-Marquardt algorithm*: lowering λ faster than raising it, and geodesic
         acceleration.
     """
+    batch = find_starts(restore(state.theta), objective, batch)  # Trials go on from these.
     surface = _Surface(restore, objective, reversible, batch)
     equations = normal_equations(restore, state.theta, objective, batch)
     if not np.isfinite(equations.matrix).all():  # Sensitivities can overflow in single precision.

@@ -14,6 +14,7 @@ from symoden.blocks import trainable
 from symoden.models import StructuredModel, parts_that_fix_the_scale
 
 from ._gauss_newton import NormalEquations
+from ._level import independent_variance
 
 MOST_PARAMETERS: Final = 600  # The covariance is inverted some times in every step.
 
@@ -21,7 +22,6 @@ _INNER: Final = 20
 _LARGEST_CHANGE: Final = 10.0
 _PRECISIONS: Final = (1e-6, 1e8)
 _LEAST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
-_LEAST_FREEDOM: Final = 0.5  # Share of the independent residuals that fitting may use up at most.
 
 
 class Relevance(NamedTuple):
@@ -130,24 +130,6 @@ class Relevance(NamedTuple):
         """
         squares = equations.matrix * (equations.residuals.size / float(self.variance))
         return float(np.trace(np.linalg.solve(squares + np.diag(self.precisions(model, corrections)), squares)))
-
-
-def independent_variance(equations: NormalEquations) -> float:
-    """Variance of the residuals times their design effect, what fitting has used up allowed for.
-
-    Args:
-        equations: Gauss-Newton's equations.
-
-    Returns:
-        The variance that each of fewer, independent residuals would have.
-    """
-    size, loss, windows = equations.residuals.size, equations.loss, len(equations.residuals)
-    inverse = np.linalg.inv(equations.matrix + np.eye(len(equations.matrix)) * loss / size)
-    fitted = float(np.trace(inverse @ equations.matrix))
-    # At the optimum the scores sum to zero, which takes one window's worth from their variance.
-    scores = float(np.trace(inverse @ equations.spread)) * windows / (windows - 1)
-    effect = max(1.0, scores / (size * fitted * loss))
-    return effect * loss / max(_LEAST_FREEDOM, 1 - fitted * effect / size)
 
 
 def free_scale(

@@ -19,9 +19,11 @@ from symoden.mechanics import AbstractDynamics
 from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
+from ._level import expected_level
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
-from ._problem import Batch, Objective, evaluate_loss, evaluate_residuals, integration_error
+from ._objective import Batch, Objective
 from ._relevance import Relevance, free_scale
+from ._residuals import evaluate_loss, evaluate_residuals, integration_error
 from ._state import Incumbent, Report, TrainingState
 
 DIVERGED = "diverged; the best model before was kept"
@@ -205,7 +207,10 @@ class LevenbergStage(AbstractStage):
         """Begin from the best model so far, in double precision."""
         best = cast(state.best, self.data.train.q.dtype)
         judged = self.data.train if self.data.validation is None else self.data.validation
-        loss = evaluate_loss(best, self.objective(state.substeps), judged)
+        restore, theta = Flattening.of(best, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        solver = RK4(jnp.asarray(state.substeps))
+        level = expected_level(restore, theta, self.data.objective, solver, self.data.train)
+        loss = evaluate_loss(best, self.objective(state.substeps, level), judged)
         # Longer windows tell of parameters that shorter ones do not, and whose priors were narrowed.
         fresh = Relevance.start(best, self.config.prior)
         known = state.memory if isinstance(state.memory, Relevance) else fresh
@@ -213,6 +218,7 @@ class LevenbergStage(AbstractStage):
         return state._replace(
             step=0,
             model=best,
+            level=level,
             best=best,
             incumbent=Incumbent(best, known, state.origin),
             best_loss=loss,
@@ -228,10 +234,12 @@ class LevenbergStage(AbstractStage):
             report = Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
             return self._defended(state, kept=False), report
         substeps = self._refined(state)
-        objective = self.objective(substeps)
+        objective = self.objective(substeps, state.level)
         restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
         before = LevenbergState(theta, state.damping)
-        after, step = self.step(before, restore, self.data.train, substeps=substeps, priors=state.memory)
+        after, step = self.step(
+            before, restore, self.data.train, substeps=substeps, level=state.level, priors=state.memory
+        )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
         judged = step.after if validation is None else validation
@@ -259,6 +267,7 @@ class LevenbergStage(AbstractStage):
         batch: Batch,
         *,
         substeps: int,
+        level: float,
         priors: Relevance,
         mean: float | Float[np.ndarray, " P"] = 0.0,
     ) -> tuple[LevenbergState, LevenbergStep]:
@@ -269,6 +278,7 @@ class LevenbergStage(AbstractStage):
             restore: Makes the model from flat parameters, those up to this stage's rung.
             batch: Windows to fit.
             substeps: RK4 steps in each sampling interval.
+            level: Root of the variance that an independent residual is expected to have.
             priors: Priors of the parameters.
             mean: Their mean.
 
@@ -280,9 +290,9 @@ class LevenbergStage(AbstractStage):
         return levenberg_marquardt_step(
             state,
             restore,
-            self.objective(substeps),
+            self.objective(substeps, level),
             batch,
-            reversible=self.objective(substeps, reversible=True),
+            reversible=self.objective(substeps, level, reversible=True),
             prior=Prior(
                 priors.precisions(model, self.corrections),
                 mean,
@@ -303,7 +313,7 @@ class LevenbergStage(AbstractStage):
         state = state._replace(memory=priors, stale=state.stale + 1 if abs(change) < _SETTLED else 0)
         ended, outcome = self._ended(state)
         if ended:
-            worse = self.data.compare(state.model, state.incumbent.model, self.objective(state.substeps))
+            worse = self.data.compare(state.model, state.incumbent.model, self.objective(state.substeps, state.level))
             state = self._defended(state._replace(best=state.model, best_loss=judged), kept=worse <= 1)
         return state, ended, outcome
 
@@ -313,7 +323,7 @@ class LevenbergStage(AbstractStage):
             return state
         best, memory, origin = state.incumbent
         judged = self.data.train if self.data.validation is None else self.data.validation
-        loss = evaluate_loss(best, self.objective(state.substeps), judged)
+        loss = evaluate_loss(best, self.objective(state.substeps, state.level), judged)
         return state._replace(best=best, best_loss=loss, memory=memory, origin=origin)
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
@@ -339,11 +349,12 @@ class LevenbergStage(AbstractStage):
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
         return self.config.scaled_loss and state.best_loss < bound
 
-    def objective(self, substeps: int, *, reversible: bool = False) -> Objective:
+    def objective(self, substeps: int, level: float, *, reversible: bool = False) -> Objective:
         """How rollouts are compared with windows.
 
         Args:
             substeps: RK4 steps in each sampling interval.
+            level: Root of the variance that an independent residual is expected to have.
             reversible: Let reverse-mode differentiation reach through, at the price of compiling for this number.
 
         Returns:
@@ -351,15 +362,15 @@ class LevenbergStage(AbstractStage):
         """
         # A number of substeps that is an array needs no new compilation when it changes, but stops reverse mode.
         solver = RK4(substeps if reversible else jnp.asarray(substeps))
-        return Objective(self.data.objective.weights, solver, self.data.objective.hold)
+        return self.data.objective.refined(solver, level)
 
     def _refined(self, state: TrainingState) -> int:
         """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""
         if self.config.lm_substeps is not None:
             return self.config.lm_substeps
-        coarse = self.objective(state.substeps)
+        coarse = self.objective(state.substeps, state.level)
         sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
-        error = integration_error(state.model, coarse, self.objective(2 * state.substeps), sample)
+        error = integration_error(state.model, coarse, self.objective(2 * state.substeps, state.level), sample)
         loss = evaluate_loss(state.model, coarse, sample)
         finer = error > 0.01 * loss and state.substeps < _MOST_SUBSTEPS
         return 2 * state.substeps if finer else state.substeps

@@ -31,6 +31,7 @@ class TrainingState(NamedTuple):
         memory: What the stage remembers from step to step: Adam's moments, learned priors, or None.
         damping: Levenberg-Marquardt's damping.
         substeps: RK4 steps in each sampling interval in Levenberg-Marquardt.
+        level: Root of the variance that an independent residual is expected to have; infinite where it does not matter.
         best: The best model, by its validation loss.
         best_loss: That loss.
         origin: Index of the stage that the best model came from.
@@ -44,6 +45,7 @@ class TrainingState(NamedTuple):
     memory: PyTree
     damping: float
     substeps: int
+    level: float
     best: AbstractDynamics
     best_loss: float
     origin: int

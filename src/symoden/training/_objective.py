@@ -1,0 +1,158 @@
+"""What training minimises: the squared error of short rollouts from measured or estimated states."""
+
+import math
+from typing import NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float
+
+from symoden.data import Windows
+from symoden.integrate import AbstractSolver, Hold, rollout
+from symoden.mechanics import AbstractDynamics
+from symoden.shapes import Scalar
+
+_TINY = 1e-300
+_MOST_TRUST = 1e3  # In a sensor, against the residuals.
+
+
+class Batch(NamedTuple):
+    """Windows as arrays on the device; the first axis counts windows, and is absent in functions of one window.
+
+    Attributes:
+        ts: Times since the start of the window [s].
+        q: Measured coordinates.
+        rates: Measured velocities or momenta.
+        us: Inputs.
+        start: Coordinates and rates that the rollout starts from: as measured, or as they are found.
+    """
+
+    ts: Float[Array, "*B h+1"]
+    q: Float[Array, "*B h+1 n"]
+    rates: Float[Array, "*B h+1 n"]
+    us: Float[Array, "*B h+1 m"]
+    start: Float[Array, "*B 2*n"]
+
+    @classmethod
+    def of(cls, windows: Windows, dtype: DTypeLike = float) -> "Batch":
+        """Put windows on the device in the given precision."""
+        start = np.concatenate([windows.q[:, 0], windows.rates[:, 0]], axis=1)
+        return cls(*(jnp.asarray(x, dtype) for x in (windows.ts, windows.q, windows.rates, windows.us, start)))
+
+    def take(self, index: Array | np.ndarray | slice) -> "Batch":
+        """Choose windows."""
+        return jax.tree.map(lambda x: x[index], self)
+
+
+@final
+class Objective(eqx.Module):
+    """How a rollout is compared with a window.
+
+    Attributes:
+        weights: Factor on the error of every observed channel (embedded coordinates, then rates).
+        solver: Advances the state between samples.
+        hold: How inputs act between samples.
+        unroll: Write the samples out instead of looping over them.
+        noise: Standard deviation of every channel's sensor: windows then start from states that are estimated, so that
+            noise in the first sample does not bias the model. None where they start from the measured ones.
+        level: Root of the variance that an independent residual is expected to have, of noise and of what the model
+            leaves open. A start may leave its measurement only as far as the sensor's noise explains.
+    """
+
+    weights: Float[Array, " o"]
+    solver: AbstractSolver
+    hold: Hold = eqx.field(static=True)
+    unroll: bool = eqx.field(static=True, default=False)
+    noise: Float[Array, " o"] | None = None
+    level: Float[Array, ""] | None = None
+
+    def refined(self, solver: AbstractSolver, level: float) -> "Objective":
+        """The same for second-order training.
+
+        Args:
+            solver: Advances the state between samples.
+            level: Root of the variance that an independent residual is expected to have; infinite to start from the
+                measured states.
+
+        Returns:
+            The objective.
+        """
+        if self.noise is None or math.isinf(level):
+            return Objective(self.weights, solver, self.hold)
+        level_ = jnp.asarray(level, self.noise.dtype)
+        return Objective(self.weights, solver, self.hold, noise=self.noise, level=level_)
+
+    @property
+    def frees_starts(self) -> bool:
+        """Whether windows start from estimated states."""
+        return self.noise is not None and self.level is not None
+
+    def residuals(self, dynamics: AbstractDynamics, window: Batch) -> Float[Array, "k o"]:
+        """Weighted errors of the rollout of one window from its start.
+
+        Args:
+            dynamics: Model.
+            window: One window.
+
+        Returns:
+            Those of the h predicted samples; before them that of the start, where it is free.
+        """
+        q, rates = jnp.split(window.start, 2)
+        path = rollout(dynamics, q, rates, window.ts, window.us, solver=self.solver, hold=self.hold, unroll=self.unroll)
+        return self.compare(dynamics, path.observations, window)
+
+    def compare(
+        self, dynamics: AbstractDynamics, observations: Float[Array, "samples o"], window: Batch
+    ) -> Float[Array, "k o"]:
+        """Weighted errors of predicted observations, as `residuals` gives them.
+
+        Args:
+            dynamics: Model, for its space.
+            observations: Of all samples, the start's being the first.
+            window: One window.
+
+        Returns:
+            The residuals.
+        """
+        measured = jnp.concatenate([jax.vmap(dynamics.space.embed)(window.q), window.rates], axis=1)
+        rows = self.row_weights(window.ts.shape[0]).astype(measured.dtype)
+        return rows * (observations - measured)[-len(rows) :]
+
+    def row_weights(self, samples: int) -> Float[Array, "k o"]:
+        """Factor on the error of every sample's channels.
+
+        Args:
+            samples: Number of samples of a window.
+
+        Returns:
+            The factors; the first row is the start's, where that is free.
+        """
+        rows = jnp.broadcast_to(self.weights, (samples - 1, self.weights.shape[0]))
+        if self.noise is None or self.level is None:
+            return rows
+        # The first sample counts as the others do, but more where the sensors are better than the model.
+        trust = jnp.clip(self.level / (self.weights * jnp.maximum(self.noise, _TINY)), 1, _MOST_TRUST)
+        return jnp.concatenate([(trust * self.weights)[None], rows])
+
+    def loss(self, dynamics: AbstractDynamics, batch: Batch) -> Scalar:
+        """Mean of the squared residuals over a batch of windows."""
+        return jnp.mean(jax.vmap(lambda window: self.residuals(dynamics, window))(batch) ** 2)
+
+
+def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:
+    """Inverse of the spread of what a rollout has to predict, the change of each channel over a window.
+
+    Args:
+        batch: Windows.
+        dynamics: Model, for its space.
+
+    Returns:
+        Weight of every observed channel.
+    """
+    embedded = jax.vmap(jax.vmap(dynamics.space.embed))(batch.q)
+    observed = np.asarray(jnp.concatenate([embedded, batch.rates], axis=-1))
+    spread = np.sqrt(np.mean((observed[:, 1:] - observed[:, :1]) ** 2, axis=(0, 1)))
+    return 1 / np.maximum(spread, 1e-6 * max(float(spread.max()), 1e-300))

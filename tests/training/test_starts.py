@@ -1,0 +1,103 @@
+"""Starts that are estimated with the model."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.blocks import RUNGS
+from symoden.data import windows
+from symoden.integrate import HOLDS, RK4
+from symoden.models import build
+from symoden.spaces import Space
+from symoden.training._flatten import Flattening
+from symoden.training._gauss_newton import normal_equations, pull_back
+from symoden.training._objective import Batch, Objective
+from symoden.training._residuals import evaluate_loss, find_starts
+
+WEIGHTS, NOISE = jnp.array([1.0, 0.5, 2.0]), jnp.array([0.05, 0.05, 0.1])
+
+
+def problem(dataset, config, *, level=0.05, noise=0.0):
+    model = build(config, Space.parse("T1"), 1, key=jax.random.key(3))
+    objective = Objective(WEIGHTS, RK4(), HOLDS["zero"], noise=NOISE, level=jnp.asarray(level))
+    batch = Batch.of(windows(dataset.train, 9, stride=9))
+    shaken = np.random.default_rng(0).normal(size=batch.start.shape) * noise
+    q, rates = np.array(batch.q), np.array(batch.rates)
+    q[:, 0] += shaken[:, :1]
+    rates[:, 0] += shaken[:, 1:]
+    start = jnp.asarray(np.concatenate([q[:, 0], rates[:, 0]], axis=1))
+    return model, objective, batch._replace(q=jnp.asarray(q), rates=jnp.asarray(rates), start=start)
+
+
+def settled(restore, theta, objective, batch):
+    for _ in range(6):
+        batch = find_starts(restore(theta), objective, batch)
+    return batch
+
+
+def test_the_gradient_is_that_of_the_loss_from_the_best_starts(pendulum, small, scrambled):
+    model, objective, batch = problem(pendulum(), small, noise=0.05)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=RUNGS)
+    best = settled(restore, theta, objective, batch)
+    equations = normal_equations(restore, theta, objective, best, precision=float)
+    direction = np.random.default_rng(1).normal(size=theta.shape)
+    direction *= 1e-4 / np.linalg.norm(direction)
+    ahead, behind = (
+        evaluate_loss(
+            restore(theta + sign * direction), objective, settled(restore, theta + sign * direction, objective, best)
+        )
+        for sign in (1, -1)
+    )
+    assert 4 * equations.gradient @ direction == pytest.approx(ahead - behind, rel=1e-4)
+
+
+def test_pulling_back_goes_around_the_starts_as_the_jacobian_does(pendulum, small, scrambled):
+    model, objective, batch = problem(pendulum(), small, noise=0.05)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=RUNGS)
+    best = settled(restore, theta, objective, batch)
+    equations = normal_equations(restore, theta, objective, best, precision=float)
+    pulled = pull_back(restore, theta, objective, best, jnp.asarray(equations.residuals), chunk=5)
+    scale = 1 + np.abs(equations.gradient).max() * equations.residuals.size
+    assert np.asarray(pulled) / scale == pytest.approx(equations.gradient * equations.residuals.size / scale, abs=1e-8)
+
+
+def test_a_start_is_found_again_where_the_model_is_right(pendulum, small):
+    dataset = pendulum()
+    model, objective, batch = problem(dataset, small)
+    truth = batch.start
+    exact = jax.vmap(lambda window: exact_window(model, window))(batch)
+    _, _, shaken = problem(dataset, small, noise=0.05)
+    shaken = exact._replace(q=exact.q.at[:, 0].set(shaken.q[:, 0]), rates=exact.rates.at[:, 0].set(shaken.rates[:, 0]))
+    shaken = shaken._replace(start=jnp.concatenate([shaken.q[:, 0], shaken.rates[:, 0]], axis=1))
+    found = find_starts(model, objective, shaken).start
+    before, after = (np.sqrt(np.mean((np.asarray(x) - np.asarray(truth)) ** 2)) for x in (shaken.start, found))
+    assert after < 0.4 * before
+
+
+def exact_window(model, window):
+    objective = Objective(jnp.ones(3), RK4(), HOLDS["zero"])
+    zero = window._replace(q=jnp.zeros_like(window.q), rates=jnp.zeros_like(window.rates))
+    seen = objective.residuals(model, zero) + jnp.array([[1.0, 0.0, 0.0]])
+    q = jnp.unwrap(jnp.concatenate([window.start[:1], jnp.arctan2(seen[:, 1], seen[:, 0])]))
+    return window._replace(q=q[:, None], rates=jnp.concatenate([window.start[1:], seen[:, 2]])[:, None])
+
+
+def test_good_sensors_beside_a_poor_model_hold_the_start(pendulum, small):
+    model, objective, batch = problem(pendulum(), small, noise=0.05)
+    moved = []
+    for level in (0.01, 1.0, np.inf):
+        found = find_starts(model, dataclasses.replace(objective, level=jnp.asarray(level)), batch).start
+        moved.append(float(jnp.abs(found - batch.start).max()))
+    assert moved[0] > 2 * moved[1] > 100 * moved[2]
+    assert moved[2] < 1e-3
+
+
+def test_without_noise_windows_start_where_they_were_measured(pendulum, small):
+    model, objective, batch = problem(pendulum(), small, noise=0.05)
+    pinned = dataclasses.replace(objective, noise=None, level=None)
+    assert np.array_equal(find_starts(model, pinned, batch).start, batch.start)
+    assert jax.vmap(lambda window: pinned.residuals(model, window))(batch).shape[1] == 9
+    assert jax.vmap(lambda window: objective.residuals(model, window))(batch).shape[1] == 10
