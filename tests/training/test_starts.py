@@ -95,6 +95,15 @@ def test_good_sensors_beside_a_poor_model_hold_the_start(pendulum, small):
     assert moved[2] < 1e-3
 
 
+def test_a_free_motion_has_starts_too(pendulum, small):
+    _, objective, batch = problem(pendulum(), small, noise=0.05)
+    free = batch._replace(us=batch.us[:, :, :0])
+    model = build(small, Space.parse("T1"), 0, key=jax.random.key(3))
+    found = find_starts(model, objective, free)
+    assert found.us.shape == free.us.shape
+    assert float(jnp.abs(found.start - batch.start).max()) > 1e-3
+
+
 def test_without_noise_windows_start_where_they_were_measured(pendulum, small):
     model, objective, batch = problem(pendulum(), small, noise=0.05)
     pinned = dataclasses.replace(objective, noise=None, level=None)

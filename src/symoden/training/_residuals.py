@@ -133,6 +133,8 @@ def find_starts(dynamics: AbstractDynamics, objective: Objective, batch: Batch, 
     """
     if not objective.frees_starts:
         return batch
-    return map_windows(
-        lambda window: find_start(dynamics, objective, window, iterations=_ITERATIONS), batch, chunk=chunk
+    return batch._replace(
+        start=map_windows(
+            lambda window: find_start(dynamics, objective, window, iterations=_ITERATIONS).start, batch, chunk=chunk
+        )
     )
