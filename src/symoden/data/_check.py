@@ -17,6 +17,7 @@ from ._masking import Mask
 from ._mismatch import AGREES
 from ._read_dataset import assemble
 from ._recordings import recordings_of
+from ._spikes import find_spikes
 from ._trajectory import Trajectory
 
 _LISTED = 20  # rows whose time goes back, at most marked
@@ -146,6 +147,7 @@ def _check(
         findings.append(_refusal(outcome))
     findings.extend(_missing(log))
     if isinstance(outcome, Mask):
+        findings.extend(_spikes(log, is_angle))
         findings.extend(_gaps(outcome))
     return RecordingCheck(
         log=log,
@@ -212,6 +214,23 @@ def _time_of(log: Log, first: int, last: int) -> tuple[float, float]:
     if not len(known):
         return 0.0, 0.0
     return float(np.interp(first, known, log.ts[known])), float(np.interp(last, known, log.ts[known]))
+
+
+def _spikes(log: Log, is_angle: np.ndarray) -> list[Finding]:
+    """Samples that stand out alone."""
+    return [
+        Finding(
+            kind="spike",
+            level="masked",
+            channel=each.channel,
+            text=f"`{each.channel}` has {len(each.rows)} sample{'s' if len(each.rows) > 1 else ''} that "
+            f"{'stand' if len(each.rows) > 1 else 'stands'} out alone, by {each.largest:.3g} at most, first at row "
+            f"{log.start + int(each.rows[0])}",
+            advice="These rows are left out. If there are many, look for an encoder that loses counts or a faulty bus.",
+            spans=tuple((float(log.ts[row]), float(log.ts[row])) for row in each.rows[:_LISTED]),
+        )
+        for each in find_spikes(log, is_angle)
+    ]
 
 
 def _gaps(mask: Mask) -> list[Finding]:

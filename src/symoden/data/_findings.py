@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 Kind: TypeAlias = Literal[
-    "missing", "gap", "time", "stuck", "unit", "sign", "velocity", "wrap", "jump", "saturation", "rounding", "idle",
-    "refused",
+    "missing", "gap", "time", "stuck", "unit", "sign", "velocity", "wrap", "jump", "spike", "saturation", "rounding",
+    "idle", "refused",
 ]  # fmt: skip
 Level: TypeAlias = Literal["note", "masked", "warning", "refused"]
 

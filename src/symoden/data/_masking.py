@@ -1,5 +1,6 @@
 """Leaving out what is missing: rows without numbers, and gaps in time, at which a recording is split."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from ._logs import Log
 from ._shapes import Times
+from ._spikes import Spikes
 
 LEAST_SAMPLES: Final = 25  # of a piece between gaps; the shortest recording bounds the length of training's windows
 _USUAL = 0.95  # share of the steps that are at most a usual one
@@ -21,12 +23,14 @@ class Mask:
         pieces: Rows of each piece between gaps, every row of a piece being complete; at least one piece.
         dropped: Samples of each piece that is too short to be used.
         missing: Number of rows left out because a number is missing.
+        spikes: Number of rows left out because a sample stands out alone.
         gaps: Start and end of each gap [s].
     """
 
     pieces: tuple[np.ndarray, ...]
     dropped: tuple[int, ...]
     missing: int
+    spikes: int
     gaps: tuple[tuple[float, float], ...]
 
     def describe(self, name: str) -> str:
@@ -41,6 +45,8 @@ class Mask:
         what = []
         if self.missing:
             what.append(f"{self.missing} row{'s' if self.missing > 1 else ''} without all numbers")
+        if self.spikes:
+            what.append(f"{self.spikes} row{'s' if self.spikes > 1 else ''} with samples that stand out alone")
         if self.gaps:
             start, end = max(self.gaps, key=lambda gap: gap[1] - gap[0])
             count = f"{len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''} in time"
@@ -50,15 +56,17 @@ class Mask:
         return ", ".join(what)
 
 
-def mask(log: Log, *, resample: float | None, delay: float) -> Mask:
+def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, delay: float) -> Mask:
     """Choose the rows of a log that are used.
 
-    Rows that lack a number are left out. Where the time stamps of the others are then further apart than 5 usual steps
-    (those that 95 % of the steps keep to) and than 2 steps of the grid to resample to, nothing is known in between, and
-    the log is split. Pieces of less than 25 samples, counted after resampling and delay, are dropped.
+    Rows that lack a number, or have a sample that stands out alone, are left out. Where the time stamps of the others
+    are then further apart than 5 usual steps (those that 95 % of the steps keep to) and than 2 steps of the grid to
+    resample to, nothing is known in between, and the log is split. Pieces of less than 25 samples, counted after
+    resampling and delay, are dropped.
 
     Args:
         log: Log whose time stamps increase where they are known.
+        spikes: Samples that stand out alone.
         resample: Step of the grid that its recordings are brought to [s].
         delay: Longest delay of an input [s]; each piece loses as much.
 
@@ -67,8 +75,10 @@ def mask(log: Log, *, resample: float | None, delay: float) -> Mask:
     """
     rows = np.flatnonzero(log.complete)
     missing = len(log) - len(rows)
+    rejected = np.unique(np.concatenate([np.zeros(0, int), *(each.rows for each in spikes)]))
+    rows = np.setdiff1d(rows, rejected, assume_unique=True)
     if len(rows) < 2:
-        return Mask(pieces=(rows,), dropped=(), missing=missing, gaps=())
+        return Mask(pieces=(rows,), dropped=(), missing=missing, spikes=len(rejected), gaps=())
     ts = log.ts[rows]
     steps = np.diff(ts)
     after = np.flatnonzero(steps > longest_step(ts, resample=resample)) + 1
@@ -81,9 +91,9 @@ def mask(log: Log, *, resample: float | None, delay: float) -> Mask:
     ]
     if not gaps or not any(long):
         kept = pieces if not gaps else [max(pieces, key=len)]
-        return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, gaps=gaps)
+        return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=len(rejected), gaps=gaps)
     kept = [piece for piece, fits in zip(pieces, long, strict=True) if fits]
-    return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, gaps=gaps)
+    return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=len(rejected), gaps=gaps)
 
 
 def longest_step(ts: Times, *, resample: float | None) -> float:

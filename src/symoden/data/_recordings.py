@@ -10,6 +10,7 @@ from ._errors import DataError
 from ._logs import Log
 from ._masking import Mask, mask
 from ._resample import resample
+from ._spikes import find_spikes
 from ._split import segments
 from ._trajectory import Trajectory, refuse_times_out_of_order
 from ._velocities import estimate_velocities
@@ -30,7 +31,7 @@ def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> t
         DataError: If the time stamps do not increase, or too little is left.
     """
     refuse_times_out_of_order(log.ts, log.time_column, first_row=log.start)
-    chosen = mask(log, resample=description.resample, delay=max(description.input_delay))
+    chosen = mask(log, find_spikes(log, is_angle), resample=description.resample, delay=max(description.input_delay))
     if len(chosen.pieces[0]) < 2:
         raise DataError(
             f"`{log.path}`: a recording must have at least 2 rows without a missing number; got "

@@ -1,0 +1,108 @@
+"""Single samples of a sensor that cannot be: glitches of a bus or an encoder."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._logs import Log
+from ._shapes import Times
+from ._signals import quantum
+
+_OFFSETS: Final = (-2, -1, 1, 2)  # Neighbours of which a cubic predicts a sample.
+_LOUD: Final = 8.0  # Standard deviations of what cubics leave, beyond which a sample stands out.
+_ROUNDED: Final = 4.0  # Steps of rounding, likewise.
+_SEEN: Final = 0.01  # Share of the signal's range: what is smaller does no harm.
+_LIKE, _NOISE = 0.12, 4.0  # Of the deviation, and standard deviations, by which neighbours may differ from a spike's.
+_AROUND: Final = 101  # Samples.
+_QUANTILE: Final = 0.8
+_NORMAL: Final = 1.2816  # That quantile of the absolute value of a standard normal variable.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spikes:
+    """Samples of one column that stand out alone.
+
+    Attributes:
+        channel: Name of the column.
+        rows: Rows of the log.
+        largest: Largest deviation from what the neighbours say, in SI or rad.
+    """
+
+    channel: str
+    rows: Int[np.ndarray, " k"]
+    largest: float
+
+
+def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
+    """Find single samples of positions and rates that their neighbours on both sides contradict.
+
+    Inputs are left alone: a command may well be an impulse.
+
+    Args:
+        log: What was logged; its time stamps increase where they are known.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        Those of each column that has any.
+    """
+    rows = np.flatnonzero(log.complete)
+    if len(rows) < 3 * len(_OFFSETS):
+        return ()
+    q = log.q[rows]
+    q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
+    signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
+    found = []
+    for role, signal in signals.items():
+        for name, column in zip(log.names[role], signal.T, strict=True):
+            off = _deviations(log.ts[rows], column)
+            alone = _spikes(column, *off)
+            if len(alone):
+                found.append(Spikes(channel=name, rows=rows[alone], largest=float(np.abs(off[0][alone]).max())))
+    return tuple(found)
+
+
+def _deviations(ts: Times, signal: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.ndarray]:
+    """Deviation of each sample from the cubic through two neighbours on each side, and the cubics' weights.
+
+    Returns:
+        Deviations (T,), zero at the ends; weights (T, 4) of the neighbours.
+    """
+    size = len(ts)
+    index = np.arange(2, size - 2)
+    near = np.stack([ts[index + k] for k in _OFFSETS], axis=1) - ts[index, None]
+    weights = np.zeros((size, len(_OFFSETS)))
+    for j in range(len(_OFFSETS)):
+        others = np.delete(near, j, axis=1)
+        weights[index, j] = np.prod(-others / (near[:, j : j + 1] - others), axis=1)
+    off = np.zeros(size)
+    values = np.stack([signal[index + k] for k in _OFFSETS], axis=1)
+    off[index] = signal[index] - np.sum(weights[index] * values, axis=1)
+    return off, weights
+
+
+def _spikes(signal: np.ndarray, off: np.ndarray, weights: np.ndarray) -> Int[np.ndarray, " k"]:
+    """Samples that deviate as nothing else does, and whose neighbours deviate as one wrong sample makes them.
+
+    A wrong sample enters the cubics of its neighbours by their weights; a kink at an impact does so otherwise.
+
+    Returns:
+        Their indices.
+    """
+    from scipy.ndimage import percentile_filter  # slow to import
+
+    # A velocity's noise may grow with the speed: what is usual around a sample counts too.
+    around = percentile_filter(np.abs(off), 100 * _QUANTILE, size=min(_AROUND, len(off)), mode="nearest")
+    level = np.maximum(around, np.quantile(np.abs(off), _QUANTILE)) / _NORMAL
+    low, high = np.quantile(signal, (0.01, 0.99))
+    loud = np.flatnonzero(
+        np.abs(off) > np.maximum(_LOUD * level, max(_ROUNDED * quantum(signal), _SEEN * (high - low)))
+    )
+    loud = loud[(loud >= 4) & (loud < len(signal) - 4)]
+    alone = np.ones(len(loud), bool)
+    for j, k in enumerate(_OFFSETS):
+        # The wrong sample is neighbour −k of its neighbour k, in place len − 1 − j of the weights.
+        expected = -weights[loud + k, len(_OFFSETS) - 1 - j] * off[loud]
+        alone &= np.abs(off[loud + k] - expected) <= _LIKE * np.abs(off[loud]) + _NOISE * level[loud]
+    return loud[alone]

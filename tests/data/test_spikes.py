@@ -1,0 +1,88 @@
+"""Single samples that cannot be, told from motion, noise and impacts."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.data import read_dataset
+from symoden.data._logs import Log
+from symoden.data._spikes import find_spikes
+
+STEP, SIZE = 0.01, 400
+NAMES = {"time": ("t",), "positions": ("q",), "rates": ("v",), "inputs": ()}
+
+
+def log(q, v, ts=None):
+    ts = STEP * np.arange(len(q)) if ts is None else ts
+    return Log(
+        part="train", name="r", path=Path("r.csv"), start=0, ts=ts, q=np.array(q)[:, None], rates=np.array(v)[:, None],
+        us=np.zeros((len(q), 0)), names=NAMES,
+    )  # fmt: skip
+
+
+def swing(seed, *, noise=0.003, uneven=0.0):
+    generator = np.random.default_rng(seed)
+    ts = STEP * (np.arange(SIZE) + uneven * generator.uniform(-0.5, 0.5, SIZE))
+    angle = generator.uniform(3, 9) * ts + generator.uniform(0, 6)
+    q = np.sin(angle) + noise * generator.normal(size=SIZE)
+    return ts, q, 6 * np.cos(angle) + 10 * noise * generator.normal(size=SIZE)
+
+
+def rows_of(found, channel):
+    return [int(row) for each in found if each.channel == channel for row in each.rows]
+
+
+@given(
+    seed=st.integers(0, 500),
+    rows=st.lists(st.integers(6, SIZE - 7), min_size=1, max_size=4, unique_by=lambda row: row // 10),
+    size=st.floats(0.1, 2.5),
+    uneven=st.floats(0.0, 0.8),
+)
+def test_wrong_samples_are_found_and_no_others(seed, rows, size, uneven):
+    rows = [row for row in sorted(rows) if all(abs(row - other) > 8 for other in rows if other != row)]
+    ts, q, v = swing(seed, uneven=uneven)
+    q[rows] += size
+    found = find_spikes(log(q, v, ts), np.array([True]))
+    assert rows_of(found, "q") == rows
+    assert rows_of(found, "v") == []
+    assert all(each.largest == pytest.approx(size, abs=0.05) for each in found)
+
+
+@given(seed=st.integers(0, 2000), noise=st.sampled_from([0.0, 1e-4, 0.01, 0.1]), uneven=st.floats(0.0, 0.8))
+def test_motion_and_noise_have_none(seed, noise, uneven):
+    ts, q, v = swing(seed, noise=noise, uneven=uneven)
+    assert find_spikes(log(q, v, ts), np.array([True])) == ()
+
+
+@given(seed=st.integers(0, 500), row=st.integers(10, SIZE - 10), kick=st.floats(1.0, 40.0))
+def test_an_impact_is_none(seed, row, kick):
+    ts, q, v = swing(seed, noise=1e-5)
+    q += kick * np.maximum(0, ts - ts[row])
+    v += kick * (np.arange(SIZE) >= row)
+    assert find_spikes(log(q, v, ts), np.array([True])) == ()
+
+
+def test_a_rounded_signal_has_none_and_a_wrapped_angle_neither():
+    ts, q, v = swing(3, noise=0.0)
+    assert find_spikes(log(np.round(q / 0.01) * 0.01, np.round(v / 0.2) * 0.2, ts), np.array([True])) == ()
+    turning = 12 * ts + 0.001 * np.random.default_rng(0).normal(size=SIZE)
+    assert find_spikes(log(np.mod(turning, 2 * np.pi), np.full(SIZE, 12.0), ts), np.array([True])) == ()
+
+
+def test_too_few_rows_tell_nothing():
+    ts, q, v = swing(0)
+    assert find_spikes(log(q[:8], v[:8], ts[:8]), np.array([False])) == ()
+
+
+def test_they_are_left_out_of_what_is_read(tmp_path):
+    ts, q, _ = swing(1)
+    q[[50, 200]] += 0.7
+    table = "\n".join(["t,q", *(f"{t:.6f},{a:.6f}" for t, a in zip(ts, q, strict=True))])
+    (tmp_path / "r.csv").write_text(table)
+    (tmp_path / "d.toml").write_text('space = "T1"\ntime = "t"\npositions = ["q"]\n[train]\nfiles = ["r.csv"]\n')
+    with pytest.warns(UserWarning, match="2 rows with samples that stand out alone"):
+        dataset = read_dataset(tmp_path / "d.toml")
+    assert len(dataset.train[0]) == SIZE - 2
+    assert np.abs(dataset.train[0].q).max() < 1.1
