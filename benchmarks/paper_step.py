@@ -21,7 +21,7 @@ from symoden.integrate import RK4, zero_hold
 from symoden.models import build
 from symoden.spaces import Space
 from symoden.training._adam import AdamState, Sampler, adam, adam_steps
-from symoden.training._problem import Batch, Objective
+from symoden.training._objective import Batch, Objective
 
 STEPS = 5
 

@@ -29,7 +29,7 @@ def test_white_noise_is_found_beside_a_motion(sigma, seed):
     assert noise.rates == pytest.approx([2 * sigma], rel=0.4)
 
 
-@given(frequency=st.floats(0.1, 5.0), seed=st.integers(0, 1000))
+@given(frequency=st.floats(0.1, 11.0), seed=st.integers(0, 1000))
 def test_a_motion_alone_is_no_noise(frequency, seed):
     assert not measure_noise(logs(0.0, seed, frequency)).is_seen
 
@@ -48,4 +48,25 @@ def test_rounding_counts_as_the_noise_that_it_is():
 
 
 def test_the_gap_between_two_recordings_is_no_noise():
-    assert not measure_noise(logs(0.0, 3, count=40)).is_seen
+    generator = np.random.default_rng(0)
+    pieces = [
+        Trajectory(
+            name=f"r{k}", ts=each.ts[:12], q=each.q[:12] + generator.normal(), rates=each.rates[:12], us=each.us[:12]
+        )
+        for k, each in enumerate(logs(0.0, 3, count=40))
+    ]
+    assert not measure_noise(pieces).is_seen
+
+
+@given(seed=st.integers(0, 1000))
+def test_what_a_restless_input_moves_is_no_noise(seed):
+    generator = np.random.default_rng(seed)
+    found = []
+    for k in range(4):
+        us = generator.normal(size=(len(TS), 1))
+        v = np.concatenate([[0.0], np.cumsum(0.02 * us[:-1, 0])])
+        q = np.concatenate([[0.0], np.cumsum(0.02 * (v[:-1] + 0.01 * us[:-1, 0]))])
+        found.append(Trajectory(name=f"r{k}", ts=TS, q=q[:, None], rates=v[:, None], us=us))
+    noise = measure_noise(found)
+    assert noise.q[0] < 1e-6
+    assert noise.rates[0] < 1e-6

@@ -9,9 +9,11 @@ from jaxtyping import Float
 from ._signals import noise_level, quantum
 from ._trajectory import Trajectory
 
-_SMOOTH: Final = 0.5  # Ratio of two differences' levels below which they see a motion, and no noise.
+_SMOOTH: Final = 0.7  # Ratio of two differences' levels below which they see a motion, and no noise.
 _MOST_SAMPLES: Final = 100_000
 _HIGH: Final = 5  # Order of the differences.
+_GAP: Final = 5.0  # Median steps.
+_LEAST_STEP: Final = 1e-6  # Of the signal's range, which floats are not rounded to.
 
 
 class SensorNoise(NamedTuple):
@@ -36,7 +38,8 @@ def measure_noise(trajectories: Sequence[Trajectory]) -> SensorNoise:
 
     Differences of order k, scaled to unit weight, leave white noise its size whatever k, while those of a motion of
     angular frequency ω shrink by a factor of ω times the step from order to order. So two orders tell noise from
-    motion. Noise that a filter has cut off shrinks too, though less: the level is continued back to order 0.
+    motion. Noise that a filter has cut off shrinks too, though less: the level is continued back to order 0. Inputs
+    may change at once; what their first and second integrals move is no noise.
 
     Args:
         trajectories: Recordings.
@@ -48,19 +51,43 @@ def measure_noise(trajectories: Sequence[Trajectory]) -> SensorNoise:
         von Neumann et al. (1941), *The mean square successive difference*.
     """
     most = max(1, _MOST_SAMPLES // len(trajectories))
-    parts = [(each.ts[:most], each.q[:most], each.rates[:most]) for each in trajectories]
-    longest = max(float(np.diff(ts).max()) for ts, _, _ in parts)
-    ends = np.cumsum([0.0] + [ts[-1] - ts[0] + 3 * longest for ts, _, _ in parts])
-    # No window of differences spans a gap between two recordings.
-    ts = np.concatenate([ts - ts[0] + end for (ts, _, _), end in zip(parts, ends[:-1], strict=True)])
-    q, rates = (np.concatenate([part[i] for part in parts]) for i in (1, 2))
-    return SensorNoise(*(np.array([_noise(ts, x, longest) for x in signals.T]) for signals in (q, rates)))
+    parts = [_Part.of(each, most) for each in trajectories]
+    step = float(np.median(np.concatenate([np.diff(part.ts) for part in parts])))
+    # No window of differences spans a gap, between two recordings or within one.
+    ends = np.cumsum([0.0] + [float(np.ptp(part.ts)) + 2 * _GAP * step for part in parts])
+    ts = np.concatenate([part.ts - part.ts[0] + end for part, end in zip(parts, ends[:-1], strict=True)])
+    once, twice = (np.concatenate(moved) for moved in zip(*(part.moved for part in parts), strict=True))
+    q, rates = np.concatenate([part.q for part in parts]), np.concatenate([part.rates for part in parts])
+    return SensorNoise(
+        np.array([_noise(ts, x, _GAP * step, twice) for x in q.T]),
+        np.array([_noise(ts, x, _GAP * step, once) for x in rates.T]),
+    )
 
 
-def _noise(ts: np.ndarray, signal: np.ndarray, longest: float) -> float:
+class _Part(NamedTuple):
+    """The first samples of a recording, with the first and second integrals of its inputs."""
+
+    ts: np.ndarray
+    q: np.ndarray
+    rates: np.ndarray
+    moved: tuple[np.ndarray, np.ndarray]
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, most: int) -> "_Part":
+        """Cut a recording off."""
+        ts, us = trajectory.ts[:most], trajectory.us[:most]
+        steps = np.diff(ts)[:, None]
+        once = np.concatenate([np.zeros_like(us[:1]), np.cumsum(us[:-1] * steps, axis=0)])
+        twice = np.concatenate([np.zeros_like(us[:1]), np.cumsum((once[:-1] + us[:-1] * steps / 2) * steps, axis=0)])
+        return cls(ts, trajectory.q[:most], trajectory.rates[:most], (once, twice))
+
+
+def _noise(ts: np.ndarray, signal: np.ndarray, longest: float, causes: np.ndarray) -> float:
     """Noise of one channel."""
-    low, high = (noise_level(ts, signal, longest=2 * longest, order=order) for order in (_HIGH - 1, _HIGH))
+    low, high = (noise_level(ts, signal, longest=longest, order=k, causes=causes) for k in (_HIGH - 1, _HIGH))
     rounding = quantum(signal) / np.sqrt(12)
+    if rounding < _LEAST_STEP * np.ptp(signal) or not np.ptp(signal):
+        rounding = 0.0
     if high <= _SMOOTH * low:
         return rounding
     # Rounding is not filtered, though it shrinks too where a signal is slow.

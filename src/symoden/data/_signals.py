@@ -46,7 +46,9 @@ def quantum(signal: np.ndarray) -> float:
     return 0.0
 
 
-def noise_level(ts: Times, signal: np.ndarray, *, longest: float, order: int = _ORDER) -> float:
+def noise_level(
+    ts: Times, signal: np.ndarray, *, longest: float, order: int = _ORDER, causes: np.ndarray | None = None
+) -> float:
     """Standard deviation of what is too fast for a motion, at uneven time stamps too.
 
     Divided differences of high order, scaled to unit weight, vanish on every smooth motion and leave white noise its
@@ -57,6 +59,7 @@ def noise_level(ts: Times, signal: np.ndarray, *, longest: float, order: int = _
         signal: Samples.
         longest: Longest step that is no gap [s]; no window spans a gap.
         order: Of the differences; they see no motion that is a polynomial of lower degree.
+        causes: Signals (T, k) that move this one, as fast as they like: what is proportional to them is no noise.
 
     Returns:
         The level; 0 where there are too few samples.
@@ -68,8 +71,12 @@ def noise_level(ts: Times, signal: np.ndarray, *, longest: float, order: int = _
     apart = times[:, :, None] - times[:, None, :] + np.eye(size)
     weights = 1 / apart.prod(axis=2)
     weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-    rest = (weights * np.lib.stride_tricks.sliding_window_view(signal, size)).sum(axis=1)
+    signals = np.concatenate([signal[:, None], np.zeros((len(ts), 0)) if causes is None else causes], axis=1)
+    rest = np.einsum("wi,wki->wk", weights, np.lib.stride_tricks.sliding_window_view(signals, size, axis=0))
     rest = rest[(np.diff(times, axis=1) <= longest).all(axis=1)]
+    rest, moved = rest[:, 0], rest[:, 1:]
+    if len(rest) > 2 * moved.shape[1] > 0:
+        rest = rest - moved @ np.linalg.lstsq(moved, rest, rcond=None)[0]
     return _SIGMA * float(np.median(np.abs(rest))) if len(rest) else 0.0
 
 

@@ -33,6 +33,7 @@ def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None
         "best_loss": repr(state.best_loss),
         "origin": state.origin,
         "incumbent": state.incumbent.origin,
+        "incumbent_level": repr(state.incumbent.level),
         "stale": state.stale,
         "seconds": seconds,
     }
@@ -86,6 +87,6 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
         level=float(plain["level"]),
         best_loss=float(plain["best_loss"]),
         origin=int(plain["origin"]),
-        incumbent=state.incumbent._replace(origin=int(plain["incumbent"])),
+        incumbent=state.incumbent._replace(origin=int(plain["incumbent"]), level=float(plain["incumbent_level"])),
         stale=int(plain["stale"]),
     )

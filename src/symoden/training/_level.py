@@ -5,15 +5,18 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+from jaxtyping import Array, Float
 
 from symoden.integrate import AbstractSolver
 from symoden.mechanics import AbstractDynamics
+from symoden.spaces import Space
 
 from ._gauss_newton import NormalEquations, Parameters, normal_equations
 from ._objective import Batch, Objective
 from ._residuals import find_starts
 
-_LEAST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
+LEAST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
+_LARGEST: Final = 1e100  # Residual whose square is a number.
 _LEAST_FREEDOM: Final = 0.5  # Share of the independent residuals that fitting may use up at most.
 
 
@@ -28,9 +31,9 @@ def independent_variance(equations: NormalEquations) -> float:
     """
     size, loss, windows = equations.residuals.size, equations.loss, len(equations.residuals)
     inverse = np.linalg.inv(equations.matrix + np.eye(len(equations.matrix)) * loss / size)
-    fitted = float(np.trace(inverse @ equations.matrix))
-    # At the optimum the scores sum to zero, which takes one window's worth from their variance.
-    scores = float(np.trace(inverse @ equations.spread)) * windows / (windows - 1)
+    fitted = float(np.sum(inverse * equations.matrix))
+    total = equations.gradient * size  # Of the scores; at the optimum they sum to zero.
+    scores = float(np.sum(inverse * equations.spread) - total @ inverse @ total / windows) * windows / (windows - 1)
     effect = max(1.0, scores / (size * fitted * loss))
     return effect * loss / max(_LEAST_FREEDOM, 1 - fitted * effect / size)
 
@@ -57,12 +60,23 @@ def expected_level(
     Returns:
         The level; infinite where a window tells less of its start than the sensors do, or too few windows tell.
     """
-    if objective.noise is None or batch.ts.shape[0] < _LEAST_WINDOWS:
+    if objective.noise is None or batch.ts.shape[0] < LEAST_WINDOWS:
         return math.inf
-    free = objective.refined(solver, 0.0)
-    equations = normal_equations(restore, theta, free, find_starts(restore(theta), free, batch))
-    if not np.isfinite(equations.matrix).all():
+    model, free = restore(theta), objective.refined(solver, 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        equations = normal_equations(restore, theta, free, find_starts(model, free, batch))
+    # Not so where a rollout diverges, or nothing that is open changes anything.
+    sound = np.isfinite(equations.matrix).all() and np.abs(equations.residuals).max() < _LARGEST
+    if not sound or not equations.loss or not np.trace(equations.matrix) > 0:
         return math.inf
     level = math.sqrt(independent_variance(equations))
-    sensors = float(np.max(objective.weights * objective.noise))
+    sensors = float(np.max(objective.weights * _seen(model.space, objective.noise, batch)))
     return level if level < math.sqrt(batch.ts.shape[1] - 1) * sensors else math.inf
+
+
+def _seen(space: Space, noise: Float[Array, " o"], batch: Batch) -> Float[np.ndarray, " o"]:
+    """Noise of every channel at the windows' starts: a cosine sees none of a small angle's."""
+    angles = np.asarray(batch.q)[:, 0, space.angles]
+    slopes = [np.sqrt(np.mean(x**2, axis=0)) for x in (np.sin(angles), np.cos(angles))]
+    lengths, rates = np.ones(len(space.lengths)), np.ones(space.size)
+    return np.concatenate([lengths, *slopes, rates]) * np.asarray(noise)

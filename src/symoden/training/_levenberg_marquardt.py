@@ -126,7 +126,7 @@ def levenberg_marquardt_step(
 
 
 class _Surface(NamedTuple):
-    """The residuals as a function of the parameters."""
+    """The residuals as a function of the parameters, about those whose starts the windows have."""
 
     restore: Callable[[Parameters], AbstractDynamics]
     objective: Objective
@@ -135,11 +135,11 @@ class _Surface(NamedTuple):
 
     def residuals(self, theta: np.ndarray) -> np.ndarray:
         """Residuals of every window; not finite where a rollout diverges."""
-        return np.asarray(evaluate_residuals(self._at(theta), self.objective, self.batch), float)
+        return np.asarray(evaluate_residuals(self._at(theta), self.objective, self.batch, iterations=1), float)
 
     def loss(self, theta: np.ndarray) -> float:
         """Mean squared residual; NaN, which compares as no gain, where a rollout diverges."""
-        return evaluate_loss(self._at(theta), self.objective, self.batch)
+        return evaluate_loss(self._at(theta), self.objective, self.batch, iterations=1)
 
     def pull_back(self, theta: np.ndarray, cotangents: np.ndarray) -> np.ndarray:
         """Jᵀ c."""

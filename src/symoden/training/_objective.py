@@ -15,7 +15,6 @@ from symoden.integrate import AbstractSolver, Hold, rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
 
-_TINY = 1e-300
 _MOST_TRUST = 1e3  # In a sensor, against the residuals.
 
 
@@ -134,7 +133,9 @@ class Objective(eqx.Module):
         if self.noise is None or self.level is None:
             return rows
         # The first sample counts as the others do, but more where the sensors are better than the model.
-        trust = jnp.clip(self.level / (self.weights * jnp.maximum(self.noise, _TINY)), 1, _MOST_TRUST)
+        sensors = self.weights * self.noise
+        held = self.level >= _MOST_TRUST * sensors  # Also where there is no noise, nor a level.
+        trust = jnp.where(held, _MOST_TRUST, jnp.maximum(self.level / jnp.where(held, 1, sensors), 1))
         return jnp.concatenate([(trust * self.weights)[None], rows])
 
     def loss(self, dynamics: AbstractDynamics, batch: Batch) -> Scalar:

@@ -14,14 +14,13 @@ from symoden.blocks import trainable
 from symoden.models import StructuredModel, parts_that_fix_the_scale
 
 from ._gauss_newton import NormalEquations
-from ._level import independent_variance
+from ._level import LEAST_WINDOWS, independent_variance
 
 MOST_PARAMETERS: Final = 600  # The covariance is inverted some times in every step.
 
 _INNER: Final = 20
 _LARGEST_CHANGE: Final = 10.0
 _PRECISIONS: Final = (1e-6, 1e8)
-_LEAST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
 
 
 class Relevance(NamedTuple):
@@ -89,7 +88,7 @@ class Relevance(NamedTuple):
             MacKay (1992), *Bayesian interpolation*; Tipping (2001), *Sparse Bayesian learning and the relevance vector
             machine*: groups of one; Kish (1965), *Survey sampling*: the design effect.
         """
-        if len(equations.residuals) < _LEAST_WINDOWS:
+        if len(equations.residuals) < LEAST_WINDOWS:
             return self
         chosen, rest = eqx.partition(self.precision, trainable(model, corrections=corrections))
         paths, structure = jax.tree.flatten_with_path(chosen)

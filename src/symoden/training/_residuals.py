@@ -13,7 +13,7 @@ from symoden.mechanics import AbstractDynamics
 from ._objective import Batch, Objective
 from ._starts import find_start
 
-_ITERATIONS = 3  # From the measured starts; a small change of the model asks for one more.
+_ITERATIONS = 3  # From the measured starts; after a small change of the model one does.
 
 
 def chunks(total: int, size: int) -> Int[Array, "k c"]:
@@ -48,7 +48,7 @@ def map_windows(function: Callable[[Batch], PyTree], batch: Batch, *, chunk: int
 
 @eqx.filter_jit
 def evaluate_residuals(
-    dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512
+    dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512, iterations: int = _ITERATIONS
 ) -> Float[Array, "B k o"]:
     """Residuals of any number of windows in bounded memory.
 
@@ -57,13 +57,16 @@ def evaluate_residuals(
         objective: How rollouts are compared with windows.
         batch: Windows.
         chunk: Number of windows rolled out at once.
+        iterations: Of the search for starts, where these are free.
 
     Returns:
-        The residuals of every window; where starts are free, from better ones than those at hand.
+        The residuals of every window, from the starts that are found.
     """
-    return map_windows(
-        lambda window: objective.residuals(dynamics, find_start(dynamics, objective, window)), batch, chunk=chunk
-    )
+
+    def residuals(window: Batch) -> Float[Array, "k o"]:
+        return objective.residuals(dynamics, find_start(dynamics, objective, window, iterations=iterations))
+
+    return map_windows(residuals, batch, chunk=chunk)
 
 
 @eqx.filter_jit
@@ -84,7 +87,9 @@ def residuals_at(
     return map_windows(lambda window: objective.residuals(dynamics, window), batch, chunk=chunk)
 
 
-def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512) -> float:
+def evaluate_loss(
+    dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512, iterations: int = _ITERATIONS
+) -> float:
     """Loss over any number of windows in bounded memory; the chunk's size changes it by rounding alone.
 
     Args:
@@ -92,11 +97,12 @@ def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch
         objective: How rollouts are compared with windows.
         batch: Windows.
         chunk: Number of windows rolled out at once.
+        iterations: Of the search for starts, where these are free.
 
     Returns:
         Mean of the squared residuals; not finite where a rollout diverges.
     """
-    residuals = np.asarray(evaluate_residuals(dynamics, objective, batch, chunk=chunk), float)
+    residuals = np.asarray(evaluate_residuals(dynamics, objective, batch, chunk=chunk, iterations=iterations), float)
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.mean(residuals**2))
 

@@ -220,7 +220,7 @@ class LevenbergStage(AbstractStage):
             model=best,
             level=level,
             best=best,
-            incumbent=Incumbent(best, known, state.origin),
+            incumbent=Incumbent(best, known, state.origin, state.level),
             best_loss=loss,
             origin=state.stage,
             memory=priors,
@@ -321,10 +321,10 @@ class LevenbergStage(AbstractStage):
         """State at the end of the stage: as it is, or as it was before."""
         if kept:
             return state
-        best, memory, origin = state.incumbent
+        best, memory, origin, level = state.incumbent
         judged = self.data.train if self.data.validation is None else self.data.validation
         loss = evaluate_loss(best, self.objective(state.substeps, state.level), judged)
-        return state._replace(best=best, best_loss=loss, memory=memory, origin=origin)
+        return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, level=level)
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
         """Whether the stage is over, and why."""

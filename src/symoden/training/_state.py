@@ -1,5 +1,6 @@
 """What training remembers from step to step, and what it says of each."""
 
+import math
 from typing import NamedTuple
 
 from jaxtyping import PyTree
@@ -14,11 +15,13 @@ class Incumbent(NamedTuple):
         model: The best model before.
         memory: What was remembered then.
         origin: Index of the stage that it came from.
+        level: The level of that stage.
     """
 
     model: AbstractDynamics
     memory: PyTree
     origin: int
+    level: float = math.inf
 
 
 class TrainingState(NamedTuple):
