@@ -165,6 +165,7 @@ def test_variables_of_a_wrong_width_are_refused(tmp_path, changes, message):
         read_dataset(described(tmp_path, text + '[train]\nfiles = ["a.npz"]\n'))
 
 
+@pytest.mark.filterwarnings("ignore:.*stand out alone")  # Glitches, which `data check` names.
 @pytest.mark.parametrize(
     ("name", "train", "test"),
     [
@@ -186,6 +187,7 @@ def test_the_examples_describe_the_measured_data(shared_data, monkeypatch, name,
         assert error < 0.05 * np.sqrt((recording.rates**2).mean()) + 0.15
 
 
+@pytest.mark.filterwarnings("ignore:.*stand out alone")  # Glitches, which `data check` names.
 def test_the_identification_part_of_the_multiarm_files_is_the_files_own(shared_data, monkeypatch):
     monkeypatch.setenv("SYMODEN_DATA", str(shared_data))
     for name in ("single", "double"):
