@@ -234,7 +234,7 @@ def test_what_does_not_fit_together_is_a_finding(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "kinds"),
-    [("dfki-c1", set()), ("dfki-c0", {"spike"}), ("multiarm-double", {"spike"}), ("multiarm-single", set())],
+    [("dfki-c1", set()), ("dfki-c0", {"spike"}), ("multiarm-double", set()), ("multiarm-single", set())],
 )
 def test_nothing_is_wrong_with_the_measured_examples_but_glitches(shared_data, monkeypatch, request, name, kinds):
     monkeypatch.setenv("SYMODEN_DATA", str(shared_data))

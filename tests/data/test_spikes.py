@@ -71,6 +71,15 @@ def test_a_rounded_signal_has_none_and_a_wrapped_angle_neither():
     assert find_spikes(log(np.mod(turning, 2 * np.pi), np.full(SIZE, 12.0), ts), np.array([True])) == ()
 
 
+def test_a_rate_that_the_positions_confirm_is_none():
+    ts, q, _ = swing(2, noise=0.0)
+    ts[150] += 0.8 * STEP  # A late time stamp.
+    v = np.concatenate([[0.0], np.diff(q) / np.diff(ts)])
+    assert "v" not in {each.channel for each in find_spikes(log(q, v, ts), np.array([True]))}
+    v[80] += 5.0
+    assert rows_of(find_spikes(log(q, v, ts), np.array([True])), "v") == [80]
+
+
 def test_too_few_rows_tell_nothing():
     ts, q, v = swing(0)
     assert find_spikes(log(q[:8], v[:8], ts[:8]), np.array([False])) == ()

@@ -16,6 +16,7 @@ _ROUNDED: Final = 4.0  # Steps of rounding, likewise.
 _SEEN: Final = 0.01  # Share of the signal's range: what is smaller does no harm.
 _LIKE, _NOISE = 0.12, 2.0  # Of the deviation, and standard deviations, by which neighbours may differ from a spike's.
 _AROUND: Final = 101  # Samples.
+_SAME: Final = 0.5  # Of the deviation.
 _QUANTILE: Final = 0.8
 _NORMAL: Final = 1.2816  # That quantile of the absolute value of a standard normal variable.
 
@@ -50,17 +51,30 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     rows = np.flatnonzero(log.complete)
     if len(rows) < 3 * len(_OFFSETS):
         return ()
-    q = log.q[rows]
+    ts, q = log.ts[rows], log.q[rows]
     q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
+    slopes = np.diff(q, axis=0) / np.diff(ts)[:, None]
     signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
     found = []
     for role, signal in signals.items():
-        for name, column in zip(log.names[role], signal.T, strict=True):
-            off = _deviations(log.ts[rows], column)
-            alone = _spikes(column, *off)
+        for name, column, slope in zip(log.names[role], signal.T, slopes.T, strict=True):
+            off, weights = _deviations(ts, column)
+            alone = _spikes(column, off, weights)
+            if role == "rates":
+                alone = alone[~_confirmed(column, off, slope, alone)]
             if len(alone):
-                found.append(Spikes(channel=name, rows=rows[alone], largest=float(np.abs(off[0][alone]).max())))
+                found.append(Spikes(channel=name, rows=rows[alone], largest=float(np.abs(off[alone]).max())))
     return tuple(found)
+
+
+def _confirmed(rates: np.ndarray, off: np.ndarray, slopes: np.ndarray, alone: np.ndarray) -> np.ndarray:
+    """Tell rates that the positions beside them agree with: there a time stamp is late, and sums are still right.
+
+    Returns:
+        Whether each is such a one.
+    """
+    beside = np.stack([slopes[alone - 1], slopes[alone]])
+    return np.any(np.abs(beside - rates[alone]) < _SAME * np.abs(off[alone]), axis=0)
 
 
 def _deviations(ts: Times, signal: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.ndarray]:
