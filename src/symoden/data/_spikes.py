@@ -16,6 +16,7 @@ _ROUNDED: Final = 4.0  # Steps of rounding, likewise.
 _SEEN: Final = 0.01  # Share of the signal's range: what is smaller does no harm.
 _LIKE, _NOISE = 0.12, 2.0  # Of the deviation, and standard deviations, by which neighbours may differ from a spike's.
 _AROUND: Final = 101  # Samples.
+_GAP: Final = 5.0  # Median steps, across which nothing is predicted.
 _SAME: Final = 0.5  # Of the deviation.
 _QUANTILE: Final = 0.8
 _NORMAL: Final = 1.2816  # That quantile of the absolute value of a standard normal variable.
@@ -53,6 +54,9 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
         return ()
     ts, q = log.ts[rows], log.q[rows]
     q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
+    steps = np.diff(ts)
+    gaps = np.flatnonzero(steps > _GAP * np.median(steps))
+    near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
     slopes = np.diff(q, axis=0) / np.diff(ts)[:, None]
     signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
     found = []
@@ -60,6 +64,7 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
         for name, column, slope in zip(log.names[role], signal.T, slopes.T, strict=True):
             off, weights = _deviations(ts, column)
             alone = _spikes(column, off, weights)
+            alone = alone[~near_gap[alone]]
             if role == "rates":
                 alone = alone[~_confirmed(column, off, slope, alone)]
             if len(alone):
