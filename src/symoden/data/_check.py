@@ -17,7 +17,6 @@ from ._masking import Mask
 from ._mismatch import AGREES
 from ._read_dataset import assemble
 from ._recordings import recordings_of
-from ._spikes import find_spikes
 from ._trajectory import Trajectory
 
 _LISTED = 20  # rows whose time goes back, at most marked
@@ -147,7 +146,7 @@ def _check(
         findings.append(_refusal(outcome))
     findings.extend(_missing(log))
     if isinstance(outcome, Mask):
-        findings.extend(_spikes(log, is_angle))
+        findings.extend(_spikes(log, outcome))
         findings.extend(_gaps(outcome))
     return RecordingCheck(
         log=log,
@@ -216,7 +215,7 @@ def _time_of(log: Log, first: int, last: int) -> tuple[float, float]:
     return float(np.interp(first, known, log.ts[known])), float(np.interp(last, known, log.ts[known]))
 
 
-def _spikes(log: Log, is_angle: np.ndarray) -> list[Finding]:
+def _spikes(log: Log, mask: Mask) -> list[Finding]:
     """Samples that stand out alone."""
     return [
         Finding(
@@ -229,7 +228,7 @@ def _spikes(log: Log, is_angle: np.ndarray) -> list[Finding]:
             advice="These rows are left out. If there are many, look for an encoder that loses counts or a faulty bus.",
             spans=tuple((float(log.ts[row]), float(log.ts[row])) for row in each.rows[:_LISTED]),
         )
-        for each in find_spikes(log, is_angle)
+        for each in mask.spikes
     ]
 
 

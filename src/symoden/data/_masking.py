@@ -8,7 +8,7 @@ import numpy as np
 
 from ._logs import Log
 from ._shapes import Times
-from ._spikes import Spikes
+from ._spikes import Spikes, rows_of
 
 LEAST_SAMPLES: Final = 25  # of a piece between gaps; the shortest recording bounds the length of training's windows
 _USUAL = 0.95  # share of the steps that are at most a usual one
@@ -23,14 +23,14 @@ class Mask:
         pieces: Rows of each piece between gaps, every row of a piece being complete; at least one piece.
         dropped: Samples of each piece that is too short to be used.
         missing: Number of rows left out because a number is missing.
-        spikes: Number of rows left out because a sample stands out alone.
+        spikes: Samples that stand out alone, whose rows are left out.
         gaps: Start and end of each gap [s].
     """
 
     pieces: tuple[np.ndarray, ...]
     dropped: tuple[int, ...]
     missing: int
-    spikes: int
+    spikes: tuple[Spikes, ...]
     gaps: tuple[tuple[float, float], ...]
 
     def describe(self, name: str) -> str:
@@ -45,8 +45,8 @@ class Mask:
         what = []
         if self.missing:
             what.append(f"{self.missing} row{'s' if self.missing > 1 else ''} without all numbers")
-        if self.spikes:
-            what.append(f"{self.spikes} row{'s' if self.spikes > 1 else ''} with samples that stand out alone")
+        if spikes := len(rows_of(self.spikes)):
+            what.append(f"{spikes} row{'s' if spikes > 1 else ''} with samples that stand out alone")
         if self.gaps:
             start, end = max(self.gaps, key=lambda gap: gap[1] - gap[0])
             count = f"{len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''} in time"
@@ -75,10 +75,9 @@ def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, del
     """
     rows = np.flatnonzero(log.complete)
     missing = len(log) - len(rows)
-    rejected = np.unique(np.concatenate([np.zeros(0, int), *(each.rows for each in spikes)]))
-    rows = np.setdiff1d(rows, rejected, assume_unique=True)
+    rows = np.setdiff1d(rows, rows_of(spikes), assume_unique=True)
     if len(rows) < 2:
-        return Mask(pieces=(rows,), dropped=(), missing=missing, spikes=len(rejected), gaps=())
+        return Mask(pieces=(rows,), dropped=(), missing=missing, spikes=tuple(spikes), gaps=())
     ts = log.ts[rows]
     steps = np.diff(ts)
     after = np.flatnonzero(steps > longest_step(ts, resample=resample)) + 1
@@ -91,9 +90,9 @@ def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, del
     ]
     if not gaps or not any(long):
         kept = pieces if not gaps else [max(pieces, key=len)]
-        return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=len(rejected), gaps=gaps)
+        return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=tuple(spikes), gaps=gaps)
     kept = [piece for piece, fits in zip(pieces, long, strict=True) if fits]
-    return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=len(rejected), gaps=gaps)
+    return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=tuple(spikes), gaps=gaps)
 
 
 def longest_step(ts: Times, *, resample: float | None) -> float:

@@ -1,5 +1,6 @@
 """Single samples of a sensor that cannot be: glitches of a bus or an encoder."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,6 +38,18 @@ class Spikes:
     largest: float
 
 
+def rows_of(spikes: Sequence[Spikes]) -> Int[np.ndarray, " k"]:
+    """Rows of a log in which any sample stands out alone, each once.
+
+    Args:
+        spikes: Those of each column.
+
+    Returns:
+        The rows, in order.
+    """
+    return np.unique(np.concatenate([np.zeros(0, int), *(each.rows for each in spikes)]))
+
+
 def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     """Find single samples of positions and rates that their neighbours on both sides contradict.
 
@@ -57,7 +70,7 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     steps = np.diff(ts)
     gaps = np.flatnonzero(steps > _GAP * np.median(steps))
     near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
-    slopes = np.diff(q, axis=0) / np.diff(ts)[:, None]
+    slopes = np.diff(q, axis=0) / steps[:, None]
     signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
     found = []
     for role, signal in signals.items():

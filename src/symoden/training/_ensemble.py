@@ -19,6 +19,7 @@ from symoden.storage import StorageError, load_arrays, save_arrays
 
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
+from ._level import LEAST_WINDOWS
 from ._levenberg_marquardt import LevenbergState
 from ._objective import Batch
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
@@ -28,7 +29,6 @@ from ._stages import EXACT, EXPLAINED, STALLED, AdamStage, LevenbergStage
 from ._state import TrainingState
 
 FEWEST_MEMBERS: Final = 2
-_FEWEST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
 _TRIES: Final = 2  # Of initial weights, for every member that is wanted.
 _ASTRAY: Final = 1.5  # Times the trained model's loss on the same windows: a member above has found another basin.
 _SAME: Final = 1e-4  # Relative difference of models that differ by rounding in a file.
@@ -150,7 +150,7 @@ def load_ensemble(path: Path, model: AbstractDynamics) -> Ensemble:
     )
 
 
-def check_members(count: int, config: TrainingConfig, windows: int = _FEWEST_WINDOWS) -> None:
+def check_members(count: int, config: TrainingConfig, windows: int = LEAST_WINDOWS) -> None:
     """Refuse numbers of members that tell nothing, and settings and data that train none.
 
     Args:
@@ -161,9 +161,9 @@ def check_members(count: int, config: TrainingConfig, windows: int = _FEWEST_WIN
     Raises:
         ValueError: If there are too few, or training has no Levenberg-Marquardt.
     """
-    if count and windows < _FEWEST_WINDOWS:
+    if count and windows < LEAST_WINDOWS:
         raise ValueError(
-            f"Members need {_FEWEST_WINDOWS} windows or more to draw from; the training recordings have {windows}. "
+            f"Members need {LEAST_WINDOWS} windows or more to draw from; the training recordings have {windows}. "
             "Record longer, or train without members."
         )
     if count and count < FEWEST_MEMBERS:

@@ -15,7 +15,7 @@ from symoden.shapes import Inputs, Scalar, State
 
 from ._flatten import cast
 from ._objective import Batch, Objective
-from ._residuals import chunks, map_windows, residuals_at
+from ._residuals import chunks, evaluate_residuals, map_windows
 from ._starts import project_out, without_starts
 
 Parameters = Float[Array, " P"]
@@ -156,7 +156,7 @@ def normal_equations(
     Returns:
         The normal equations, in double precision.
     """
-    residuals = np.asarray(residuals_at(restore(theta), objective, batch), float)
+    residuals = np.asarray(evaluate_residuals(restore(theta), objective, batch, iterations=0), float)
     total, rows = len(residuals), residuals[0].size
     chunk = min(chunk or max(1, _LARGEST_JACOBIAN // (rows * theta.size)), total)
     rough_restore, rough_theta, rough_objective, rough_batch = (

@@ -57,7 +57,7 @@ def evaluate_residuals(
         objective: How rollouts are compared with windows.
         batch: Windows.
         chunk: Number of windows rolled out at once.
-        iterations: Of the search for starts, where these are free.
+        iterations: Of the search for starts, where these are free; 0 to roll out from those at hand.
 
     Returns:
         The residuals of every window, from the starts that are found.
@@ -67,24 +67,6 @@ def evaluate_residuals(
         return objective.residuals(dynamics, find_start(dynamics, objective, window, iterations=iterations))
 
     return map_windows(residuals, batch, chunk=chunk)
-
-
-@eqx.filter_jit
-def residuals_at(
-    dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512
-) -> Float[Array, "B k o"]:
-    """Residuals of any number of windows from the starts at hand.
-
-    Args:
-        dynamics: Model.
-        objective: How rollouts are compared with windows.
-        batch: Windows.
-        chunk: Number of windows rolled out at once.
-
-    Returns:
-        The residuals of every window.
-    """
-    return map_windows(lambda window: objective.residuals(dynamics, window), batch, chunk=chunk)
 
 
 def evaluate_loss(
