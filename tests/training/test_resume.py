@@ -11,7 +11,7 @@ import equinox as eqx
 import pytest
 
 from symoden.models import load
-from symoden.storage import StorageError
+from symoden.storage import StorageError, load_arrays, save_arrays
 from symoden.training import fit
 
 PROGRAM = """
@@ -87,6 +87,19 @@ def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
+@pytest.mark.parametrize("name", ["stage", "seconds", "incumbent_level"])
+@pytest.mark.parametrize("value", [None, "soon"])
+def test_a_checkpoint_of_another_version_is_refused(pendulum, small, quick, tmp_path, name, value):
+    config = dataclasses.replace(quick, adam_steps=2)
+    fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=0.0)
+    path = tmp_path / "checkpoints" / "latest.safetensors"
+    arrays, plain = load_arrays(path)
+    others = {key: number for key, number in plain.items() if key != name}
+    save_arrays(path, arrays, others if value is None else others | {name: value})
+    with pytest.raises(StorageError, match="of the same settings and version.*Start a new run"):
+        fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True)
+
+
 def test_a_killed_run_resumes_to_the_same_bits(tmp_path):
     steps = str(200 * 20)
     environment = os.environ | {"JAX_PLATFORMS": "cpu"}

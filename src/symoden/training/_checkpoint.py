@@ -11,6 +11,18 @@ from symoden.storage import StorageError, load_arrays, save_arrays
 
 from ._state import TrainingState
 
+_NUMBERS = {
+    "stage": int,
+    "step": int,
+    "damping": float,
+    "substeps": int,
+    "level": float,
+    "best_loss": float,
+    "origin": int,
+    "stale": int,
+}
+_INCUMBENT = {"origin": int, "level": float}
+
 
 def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None:
     """Write the state of training.
@@ -24,19 +36,9 @@ def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None
         StorageError: If it cannot be written; the checkpoint before is then unchanged.
     """
     leaves = [leaf for leaf in jax.tree.leaves(state) if eqx.is_array(leaf)]
-    plain = {
-        "stage": state.stage,
-        "step": state.step,
-        "damping": state.damping,
-        "substeps": state.substeps,
-        "level": repr(state.level),
-        "best_loss": repr(state.best_loss),
-        "origin": state.origin,
-        "incumbent": state.incumbent.origin,
-        "incumbent_level": repr(state.incumbent.level),
-        "stale": state.stale,
-        "seconds": seconds,
-    }
+    plain = {name: repr(getattr(state, name)) for name in _NUMBERS}
+    plain |= {f"incumbent_{name}": repr(getattr(state.incumbent, name)) for name in _INCUMBENT}
+    plain["seconds"] = repr(seconds)
     save_arrays(path, {f"{i:04d}": np.asarray(leaf) for i, leaf in enumerate(leaves)}, plain)
 
 
@@ -53,7 +55,8 @@ def read_progress(path: Path) -> tuple[int, float]:
         StorageError: If the file is absent or damaged.
     """
     _, plain = load_arrays(path)
-    return int(plain["stage"]), float(plain["seconds"])
+    numbers = _numbers(path, plain, {"stage": int, "seconds": float})
+    return numbers["stage"], numbers["seconds"]
 
 
 def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
@@ -73,20 +76,27 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
     leaves, structure = jax.tree.flatten(like)
     shapes = [(leaf.shape, str(leaf.dtype)) for leaf in leaves if eqx.is_array(leaf)]
     saved = [arrays[name] for name in sorted(arrays)]
-    if "level" not in plain or shapes != [(array.shape, str(array.dtype)) for array in saved]:
-        raise StorageError(
-            f"`{path}` must be a checkpoint of the same settings and version; its contents differ. Start a new run."
-        )
+    if shapes != [(array.shape, str(array.dtype)) for array in saved]:
+        raise _foreign(path)
     restored = iter(saved)
     state = structure.unflatten([jnp.asarray(next(restored)) if eqx.is_array(leaf) else leaf for leaf in leaves])
+    incumbent = _numbers(path, plain, {f"incumbent_{name}": kind for name, kind in _INCUMBENT.items()})
     return state._replace(
-        stage=int(plain["stage"]),
-        step=int(plain["step"]),
-        damping=float(plain["damping"]),
-        substeps=int(plain["substeps"]),
-        level=float(plain["level"]),
-        best_loss=float(plain["best_loss"]),
-        origin=int(plain["origin"]),
-        incumbent=state.incumbent._replace(origin=int(plain["incumbent"]), level=float(plain["incumbent_level"])),
-        stale=int(plain["stale"]),
+        **_numbers(path, plain, _NUMBERS),
+        incumbent=state.incumbent._replace(**{name: incumbent[f"incumbent_{name}"] for name in _INCUMBENT}),
+    )
+
+
+def _numbers(path: Path, plain: dict, kinds: dict[str, type]) -> dict:
+    """Numbers of a checkpoint by name."""
+    try:
+        return {name: kind(plain[name]) for name, kind in kinds.items()}
+    except (KeyError, TypeError, ValueError) as error:
+        raise _foreign(path) from error
+
+
+def _foreign(path: Path) -> StorageError:
+    """What to say of a checkpoint that something else wrote."""
+    return StorageError(
+        f"`{path}` must be a checkpoint of the same settings and version; its contents differ. Start a new run."
     )
