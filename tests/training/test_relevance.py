@@ -102,6 +102,18 @@ def test_no_prior_changes_by_more_than_a_factor_of_ten():
     assert float(after.variance) > 0
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_no_prior_outruns_the_parameters(seed):
+    """The equations promise that all is best near zero; parameters that are not there yet are not dragged along."""
+    found, model = linear(6)
+    theta = np.random.default_rng(seed).uniform(1, 9, 6)
+    equations = equations_of(theta, seed=seed)
+    for _ in range(5):
+        before = found.precisions(*model)
+        found = found.learn(equations, theta, *model)
+        assert np.all(found.precisions(*model) <= np.maximum(before / 10, 1 / theta**2) * (1 + 1e-6))
+
+
 def test_equations_that_are_not_finite_teach_nothing():
     equations = equations_of(np.zeros(3))
     broken = equations._replace(gradient=np.full(3, np.nan))

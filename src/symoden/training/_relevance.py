@@ -69,7 +69,7 @@ class Relevance(NamedTuple):
 
         With Σ = (JᵀJ / σ² + Λ)⁻¹ and the θ̂ that is best for the Λ at hand, both of the model linearised at θ,
         expectation maximisation sets λ = n / (‖θ̂‖² + tr Σ) for each group of n parameters (here the geometric mean with
-        the λ before, which is smoother). From a handful of windows nothing is learned.
+        the λ before, which is smoother), but at most n / ‖θ‖². From a handful of windows nothing is learned.
         Residuals of one window are not independent; σ² is their variance times the factor by which the windows' scores
         vary more than independent residuals would make them, the design effect.
 
@@ -102,6 +102,9 @@ class Relevance(NamedTuple):
         pull = squares @ theta - equations.gradient * (equations.residuals.size / variance)
         before = np.bincount(groups, self.precisions(model, corrections)) / sizes
         low, high = (np.clip(before * factor, *_PRECISIONS) for factor in (1 / _LARGEST_CHANGE, _LARGEST_CHANGE))
+        # θ̂ is a linear forecast. Priors that outran θ itself would drag it along, whatever the data say.
+        with np.errstate(divide="ignore"):
+            high = np.maximum(low, np.minimum(high, sizes / np.bincount(groups, theta**2)))
         precision = np.where(held, before, np.clip(before, *_PRECISIONS))
         with threadpool_limits(1, user_api="blas"):
             for _ in range(_INNER):
