@@ -96,7 +96,7 @@ def test_a_checkpoint_of_another_version_is_refused(pendulum, small, quick, tmp_
     arrays, plain = load_arrays(path)
     others = {key: number for key, number in plain.items() if key != name}
     save_arrays(path, arrays, others if value is None else others | {name: value})
-    with pytest.raises(StorageError, match="of the same settings and version.*Start a new run"):
+    with pytest.raises(StorageError, match=r"of the same settings and version.*Start a new run"):
         fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True)
 
 

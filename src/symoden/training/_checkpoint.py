@@ -77,7 +77,7 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
     shapes = [(leaf.shape, str(leaf.dtype)) for leaf in leaves if eqx.is_array(leaf)]
     saved = [arrays[name] for name in sorted(arrays)]
     if shapes != [(array.shape, str(array.dtype)) for array in saved]:
-        raise _foreign(path)
+        raise StorageError(_foreign(path))
     restored = iter(saved)
     state = structure.unflatten([jnp.asarray(next(restored)) if eqx.is_array(leaf) else leaf for leaf in leaves])
     incumbent = _numbers(path, plain, {f"incumbent_{name}": kind for name, kind in _INCUMBENT.items()})
@@ -92,11 +92,9 @@ def _numbers(path: Path, plain: dict, kinds: dict[str, type]) -> dict:
     try:
         return {name: kind(plain[name]) for name, kind in kinds.items()}
     except (KeyError, TypeError, ValueError) as error:
-        raise _foreign(path) from error
+        raise StorageError(_foreign(path)) from error
 
 
-def _foreign(path: Path) -> StorageError:
+def _foreign(path: Path) -> str:
     """What to say of a checkpoint that something else wrote."""
-    return StorageError(
-        f"`{path}` must be a checkpoint of the same settings and version; its contents differ. Start a new run."
-    )
+    return f"`{path}` must be a checkpoint of the same settings and version; its contents differ. Start a new run."
