@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
 
 from symoden.data import DataError, Dataset, Trajectory
 
 
 def recording(name, seed, n=1, m=1):
-    values = np.random.default_rng(seed).normal(size=(20, 2 * n + m))
+    values = np.random.default_rng(seed).uniform(-1, 1, size=(20, 2 * n + m))
     q, rates, us = np.split(values, [n, 2 * n], axis=1)
     return Trajectory(name=name, ts=np.arange(20.0), q=q, rates=rates, us=us)
 
@@ -26,6 +27,26 @@ def test_sizes_and_names_come_from_the_recordings():
 def test_recordings_are_those_of_all_parts():
     a, b, c = (recording(name, seed) for seed, name in enumerate("abc"))
     assert Dataset(name="arm", space="T1", train=(a,), test=(b,), validation=(c,)).recordings == (a, b, c)
+
+
+@given(speed=st.floats(-2.5, 2.5), start=st.floats(-9.0, 9.0), low=st.sampled_from([-np.pi, 0.0]))
+def test_wrapped_angles_are_unwrapped_and_lengths_are_not(speed, start, low):
+    ts = np.arange(20.0)
+    true = np.stack([start + speed * ts, 4 * (-1) ** ts], axis=1)
+    wrapped = true.copy()
+    wrapped[:, 0] = (true[:, 0] - low) % (2 * np.pi) + low
+    log = Trajectory(name="a", ts=ts, q=wrapped, rates=np.zeros((20, 2)), us=np.zeros((20, 0)))
+    (found,) = Dataset(name="arm", space="T1 R1", train=(), validation=(log,)).validation
+    np.testing.assert_allclose(np.diff(found.q, axis=0), np.diff(true, axis=0), atol=1e-12)
+    np.testing.assert_array_equal(found.q[:, 1], true[:, 1])
+
+
+@given(speed=st.floats(-3.1, 3.1))
+def test_angles_without_jumps_stay_as_they_are_however_far_they_turn(speed):
+    log = Trajectory(
+        name="a", ts=np.arange(20.0), q=speed * np.arange(20.0)[:, None], rates=np.zeros((20, 1)), us=np.zeros((20, 0))
+    )
+    assert Dataset(name="arm", space="T1", train=(log,)).train == (log,)
 
 
 def test_an_input_matrix_of_whole_numbers_is_kept_in_double_precision():

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.data import Trajectory, measure_noise
+from symoden.data import (
+    Trajectory,
+    estimate_velocities,
+    measure_noise,
+    read_dataset,
+    resample,
+    velocity_noise_gain,
+)
 
 TS = 0.02 * np.arange(200)
 
@@ -56,6 +63,55 @@ def test_the_gap_between_two_recordings_is_no_noise():
         for k, each in enumerate(logs(0.0, 3, count=40))
     ]
     assert not measure_noise(pieces).is_seen
+
+
+def estimated(sigma, seed, hertz=500):
+    """A noisy swing whose velocities are estimated from its positions."""
+    ts = np.arange(0, 20, 1 / hertz)
+    q = (np.sin(3 * ts) + sigma * np.random.default_rng(seed).normal(size=len(ts)))[:, None]
+    v = estimate_velocities(ts, q, name="r")
+    gain = velocity_noise_gain(ts)
+    return Trajectory(name="r", ts=ts, q=q, rates=v, us=np.zeros((len(ts), 0)), noise_gain=gain)
+
+
+@pytest.mark.parametrize("dt", [None, 0.01, 0.02])
+@pytest.mark.parametrize("hertz", [100, 200, 500, 1000, 2000])
+def test_estimated_velocities_have_the_noise_that_their_weights_make_of_the_positions(hertz, dt):
+    log = estimated(1e-3, hertz, hertz)
+    log = log if dt is None else resample(log, dt)
+    error = (log.rates[:, 0] - 3 * np.cos(3 * log.ts))[5:-5]
+    assert measure_noise([log]).rates[0] == pytest.approx(error.std(), rel=0.25)
+
+
+def test_the_shortest_part_of_a_recording_can_still_be_resampled():
+    log = estimated(1e-3, 0, hertz=100)
+    assert resample(log.cut(0, 3, name="s"), 0.01).noise_gain == pytest.approx(log.noise_gain)
+
+
+def test_estimated_and_measured_velocities_count_each_in_its_way():
+    noise = measure_noise([estimated(1e-3, 0), *logs(0.1, 0)])
+    assert noise.rates[0] > 0.9 * measure_noise(logs(0.1, 0)).rates[0]
+    assert measure_noise([estimated(0.0, 0)]).rates[0] == 0
+
+
+def test_a_recording_that_is_read_without_velocities_knows_that_they_were_estimated(tmp_path):
+    log = estimated(1e-3, 0)
+    np.savez(tmp_path / "r.npz", t=log.ts, q=log.q, v=log.rates)
+    text = 'space = "T1"\ntime = "t"\npositions = "q"\nresample = 0.01\n[train]\nfiles = ["r.npz"]\nsplit_every = 5.0\n'
+    (tmp_path / "d.toml").write_text(text)
+    gains = [each.noise_gain for each in read_dataset(tmp_path / "d.toml").train]
+    assert gains == [resample(log, 0.01).noise_gain] * 4
+    (tmp_path / "d.toml").write_text('velocities = "v"\n' + text)
+    assert {each.noise_gain for each in read_dataset(tmp_path / "d.toml").train} == {None}
+
+
+@given(sigma=st.floats(0.001, 0.1), seed=st.integers(0, 1000))
+def test_noise_is_found_where_time_stamps_come_in_bursts(sigma, seed):
+    generator = np.random.default_rng(seed)
+    ts = np.cumsum(np.tile([0.001, 0.001, 0.028], 3000))
+    q = np.sin(3 * ts)[:, None] + sigma * generator.normal(size=(len(ts), 1))
+    log = Trajectory(name="r", ts=ts, q=q, rates=3 * np.cos(3 * ts)[:, None], us=np.zeros((len(ts), 0)))
+    assert measure_noise([log]).q == pytest.approx([sigma], rel=0.5)
 
 
 @given(seed=st.integers(0, 1000))

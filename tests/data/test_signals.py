@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from symoden.data._kinematics import Accuracy, jumps, velocity_ratio
-from symoden.data._signals import noise_level, quantum, share_cut_off, standstills
+from symoden.data._signals import least_change, longest_step, noise_level, quantum, share_cut_off, standstills
 
 EXACT = (Accuracy(quantum=0.0, noise=0.0), Accuracy(quantum=0.0, noise=0.0))
 
@@ -99,3 +99,14 @@ def test_jumps_are_told_from_wraps_and_gaps():
     turns, others = jumps(ts, q, longest=1.5)
     assert (turns.tolist(), others.tolist()) == ([1, 2], [3])
     assert [len(each) for each in jumps(ts, q, longest=0.5)] == [0, 0]
+
+
+def test_a_gap_is_longer_than_five_usual_steps_even_where_time_stamps_come_in_bursts():
+    assert longest_step(np.full(100, 0.01)) == pytest.approx(0.05)
+    assert longest_step(np.tile([0.001, 0.001, 0.028], 50)) == pytest.approx(0.14)
+    assert longest_step(np.full(100, 0.01), resample=0.1) == pytest.approx(0.2)
+
+
+def test_the_smallest_change_is_one_count_of_a_rounded_signal_and_none_of_a_constant_one():
+    assert least_change(0.3 + 0.01 * np.array([0, 0, 5, 4, 4, 0])) == pytest.approx(0.01)
+    assert least_change(np.full(9, 0.3)) == 0

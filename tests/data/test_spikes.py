@@ -71,6 +71,48 @@ def test_a_rounded_signal_has_none_and_a_wrapped_angle_neither():
     assert find_spikes(log(np.mod(turning, 2 * np.pi), np.full(SIZE, 12.0), ts), np.array([True])) == ()
 
 
+def time_stamps(kind, generator, size=4000):
+    """Time stamps of a logger that waits, jitters, merges two clocks, or writes in bursts."""
+    steps = {
+        "waits": generator.exponential(STEP, size) + 1e-5,
+        "jitters": generator.uniform(0.001, 0.019, size),
+        "bursts": np.tile([0.001, 0.001, 0.028], size // 3),
+    }
+    if kind == "two clocks":
+        return np.unique(np.concatenate([np.arange(0, 30, STEP), np.arange(0.0013, 30, 0.0333)]))
+    return np.cumsum(steps[kind])
+
+
+@pytest.mark.parametrize("kind", ["waits", "jitters", "two clocks", "bursts"])
+def test_noise_at_uneven_time_stamps_has_none_and_wrong_samples_are_still_found(kind):
+    false, missed, planted = 0, 0, 0
+    for seed in range(6):
+        generator = np.random.default_rng(seed)
+        ts = time_stamps(kind, generator)
+        q = np.sin(3 * ts) + 0.01 * generator.normal(size=len(ts))
+        v = 3 * np.cos(3 * ts) + 0.03 * generator.normal(size=len(ts))
+        false += len(find_spikes(log(q, v, ts), np.array([True])))
+        rows = np.arange(200, len(ts) - 10, 200)
+        q[rows] += 0.5
+        missed += len(set(rows) - set(rows_of(find_spikes(log(q, v, ts), np.array([True])), "q")))
+        planted += len(rows)
+    assert false == 0
+    assert missed < 0.15 * planted
+
+
+@given(seed=st.integers(0, 500), flickers=st.integers(1, 15), step=st.floats(1e-5, 0.015), rate=st.booleans())
+def test_one_that_flickers_by_one_count_at_rest_has_none_but_a_wrong_sample_is_found(seed, flickers, step, rate):
+    generator = np.random.default_rng(seed)
+    q, v = np.full(20 * SIZE, 0.3), np.zeros(20 * SIZE)
+    v[generator.choice(len(v), flickers * rate, replace=False)] = 0.1
+    q[generator.choice(len(q), flickers, replace=False)] += step * generator.choice([-1, 1], flickers)
+    assert find_spikes(log(q, v), np.array([True])) == ()
+    q[50], v[60] = 1.3, 5.0
+    found = find_spikes(log(q, v), np.array([True]))
+    assert rows_of(found, "q") == [50]
+    assert rows_of(found, "v") == [60]
+
+
 def test_a_rate_that_the_positions_confirm_is_none():
     ts, q, _ = swing(2, noise=0.0)
     ts[150] += 0.8 * STEP  # A late time stamp.

@@ -33,8 +33,8 @@ def test_whole_numbers_become_double_precision():
 
 
 def test_a_part_keeps_time_stamps_and_settings():
-    part = recording(initial_samples=2).cut(3, 8, name="part")
-    assert (part.name, len(part), part.initial_samples) == ("part", 5, 2)
+    part = recording(initial_samples=2, noise_gain=3.0).cut(3, 8, name="part")
+    assert (part.name, len(part), part.initial_samples, part.noise_gain) == ("part", 5, 2, 3.0)
     np.testing.assert_array_equal(part.ts, recording().ts[3:8])
     assert part.duration == pytest.approx(0.4)
 
@@ -54,6 +54,7 @@ BAD = [
     ({"ts": np.zeros(11)}, r"row 1: times must increase; .*10 such rows"),
     ({"initial_samples": 0}, "`initial_samples` must be at least 1"),
     ({"initial_samples": 11}, "leave a sample to score; got 11 of 11 samples"),
+    ({"noise_gain": 0.0}, "`noise_gain` must be positive and finite; got 0.0"),
 ]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.data import DataError, estimate_velocities
+from symoden.data import DataError, estimate_velocities, velocity_noise_gain
 
 
 @given(
@@ -29,6 +29,13 @@ def test_a_noisy_sine_gives_unbiased_velocities():
     assert inside.std() == pytest.approx(0.035, rel=0.1)  # 35 / s times the noise of the positions
     assert (inside * true[25:-25, None]).mean() / (true**2).mean() == pytest.approx(0, abs=1e-3)
     assert (inside * np.sin(4 * ts)[25:-25, None]).mean() == pytest.approx(0, abs=1e-3)  # no delay
+
+
+@given(step=st.floats(0.0005, 0.1), samples=st.integers(12, 400))
+def test_the_noise_gain_is_the_norm_of_what_each_velocity_adds_up(step, samples):
+    ts = step * np.arange(samples)
+    weights = estimate_velocities(ts, np.eye(samples), name="run")
+    assert velocity_noise_gain(ts) == pytest.approx(np.linalg.norm(weights[samples // 2]), rel=1e-6)
 
 
 def test_the_bias_is_of_order_four_in_the_step():

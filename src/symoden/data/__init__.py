@@ -11,7 +11,7 @@ from ._read_dataset import read_dataset as read_dataset
 from ._resample import resample as resample
 from ._split import segments as segments, split_validation as split_validation
 from ._trajectory import Trajectory as Trajectory
-from ._velocities import estimate_velocities as estimate_velocities
+from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
 from ._windows import Windows as Windows, windows as windows
 from ._write_dataset import write_dataset as write_dataset
 
@@ -34,6 +34,7 @@ __all__ = [
     "resample",
     "segments",
     "split_validation",
+    "velocity_noise_gain",
     "windows",
     "write_dataset",
 ]

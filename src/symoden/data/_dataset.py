@@ -1,5 +1,6 @@
 """Recordings of one mechanism, with what is known of their meaning."""
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,6 +15,9 @@ from ._trajectory import Trajectory, finite_numbers
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
     """Recordings of one mechanism in three parts that have nothing in common, and what their numbers mean.
+
+    Angles may be wrapped: where one jumps by more than π [rad] from a sample to the next, it is taken to have gone the
+    short way round, and turns of 2π are added. So an angle must move by less than π from sample to sample.
 
     Attributes:
         name: Name in results.
@@ -50,7 +54,7 @@ class Dataset:
     input_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Complete the names, and refuse parts that do not belong together.
+        """Complete the names, unwrap angles, and refuse parts that do not belong together.
 
         Raises:
             DataError: If there is no recording, sizes differ, or a part is repeated in another one.
@@ -58,7 +62,9 @@ class Dataset:
         if not self.recordings:
             raise DataError(f"`{self.name}`: a data set must have at least one recording; got none.")
         _refuse_mixed_sizes(self.name, self.recordings)
-        _refuse_other_space(self.name, self.space, self.size)
+        is_angle = _angles_of(self.name, self.space, self.size)
+        for part in ("train", "test", "validation"):
+            object.__setattr__(self, part, tuple(_unwrapped(each, is_angle) for each in getattr(self, part)))
         _refuse_shared_recordings(self)
         if self.hold not in ("zero", "linear"):
             raise DataError(f'`{self.name}`: `hold` must be "zero" or "linear"; got {self.hold!r}.')
@@ -109,19 +115,30 @@ def _refuse_mixed_sizes(name: str, recordings: tuple[Trajectory, ...]) -> None:
             )
 
 
-def _refuse_other_space(name: str, space: str, size: int) -> None:
-    """Refuse a space that is misspelt or has another number of coordinates than the recordings."""
+def _angles_of(name: str, space: str, size: int) -> np.ndarray:
+    """Whether each coordinate is an angle; the space must be known and have as many as the recordings."""
     from symoden.spaces import Space
 
     try:
-        known = Space.parse(space).size
+        known = Space.parse(space)
     except ValueError as error:
         raise DataError(f"`{name}`: {error}") from error
-    if known != size:
+    if known.size != size:
         raise DataError(
-            f"`{name}`: the space `{space}` has {known} coordinate{'s' if known > 1 else ''}, the recordings have "
-            f"{size}. Give one factor per position column, in their order."
+            f"`{name}`: the space `{space}` has {known.size} coordinate{'s' if known.size > 1 else ''}, the recordings "
+            f"have {size}. Give one factor per position column, in their order."
         )
+    return np.array(known.is_angle)
+
+
+def _unwrapped(recording: Trajectory, is_angle: np.ndarray) -> Trajectory:
+    """The recording with angles without jumps of 2π; itself if it has none."""
+    turned = is_angle & (np.abs(np.diff(recording.q, axis=0)) > np.pi).any(axis=0)
+    if not turned.any():
+        return recording
+    q = recording.q.copy()
+    q[:, turned] = np.unwrap(q[:, turned], axis=0)
+    return dataclasses.replace(recording, q=q)
 
 
 def _refuse_shared_recordings(dataset: Dataset) -> None:

@@ -1,5 +1,6 @@
 """Transport delay of inputs: what acts now was logged a while ago."""
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Literal
 
@@ -54,11 +55,4 @@ def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Liter
         else:
             columns.append(centred_mean(elapsed, column[:, None], at, 0.0))
     kept = trajectory.cut(first, len(ts), name=trajectory.name)
-    return Trajectory(
-        name=kept.name,
-        ts=kept.ts,
-        q=kept.q,
-        rates=kept.rates,
-        us=np.concatenate(columns, axis=1),
-        initial_samples=kept.initial_samples,
-    )
+    return dataclasses.replace(kept, us=np.concatenate(columns, axis=1))

@@ -9,8 +9,7 @@ import numpy as np
 from ._description import Description
 from ._kinematics import Accuracy, Ratio, blocks, velocity_ratio
 from ._logs import Log
-from ._masking import longest_step
-from ._signals import noise_level, quantum, share_cut_off
+from ._signals import longest_step, noise_level, quantum, share_cut_off
 
 Role: TypeAlias = Literal["position", "velocity", "momentum", "input"]
 _LEAST_ROWS: Final = 10
@@ -108,7 +107,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray) -> Facts |
     ts, q, us = log.ts[rows], log.q[rows], log.us[rows]
     rates = None if log.rates is None else log.rates[rows]
     v = rates if description.momenta is None else None
-    longest = longest_step(ts, resample=description.resample)
+    longest = longest_step(np.diff(ts), resample=description.resample)
     positions = tuple(
         dataclasses.replace(one, moving=_share_moving(ts, np.unwrap(way) if angle else way, one.accuracy, longest))
         for one, way, angle in zip(

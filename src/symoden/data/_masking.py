@@ -7,12 +7,10 @@ from typing import Final
 import numpy as np
 
 from ._logs import Log
-from ._shapes import Times
+from ._signals import longest_step
 from ._spikes import Spikes, rows_of
 
 LEAST_SAMPLES: Final = 25  # of a piece between gaps; the shortest recording bounds the length of training's windows
-_USUAL = 0.95  # share of the steps that are at most a usual one
-_FAR_LONGER = 5  # usual steps: real loggers hiccup by 3 to 4 of them, which interpolation bridges
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,7 +78,7 @@ def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, del
         return Mask(pieces=(rows,), dropped=(), missing=missing, spikes=tuple(spikes), gaps=())
     ts = log.ts[rows]
     steps = np.diff(ts)
-    after = np.flatnonzero(steps > longest_step(ts, resample=resample)) + 1
+    after = np.flatnonzero(steps > longest_step(steps, resample=resample)) + 1
     pieces = np.split(rows, after)
     gaps = tuple((float(ts[k - 1]), float(ts[k])) for k in after)
     step = max(float(np.median(steps)), resample or 0.0)
@@ -93,20 +91,6 @@ def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, del
         return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=tuple(spikes), gaps=gaps)
     kept = [piece for piece, fits in zip(pieces, long, strict=True) if fits]
     return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=tuple(spikes), gaps=gaps)
-
-
-def longest_step(ts: Times, *, resample: float | None) -> float:
-    """Longest time between samples that is no gap.
-
-    Args:
-        ts: Increasing time stamps [s].
-        resample: Step of the grid that the recording is brought to [s].
-
-    Returns:
-        The time [s].
-    """
-    usual = float(np.quantile(np.diff(ts), _USUAL, method="lower"))
-    return max(_FAR_LONGER * usual, 2 * (resample or 0.0))
 
 
 def _others(pieces: list[np.ndarray], kept: list[np.ndarray]) -> tuple[int, ...]:

@@ -6,13 +6,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ._signals import noise_level, quantum
+from ._signals import longest_step, noise_level, quantum
 from ._trajectory import Trajectory
 
 _SMOOTH: Final = 0.7  # Ratio of two differences' levels below which they see a motion, and no noise.
 _MOST_SAMPLES: Final = 100_000
 _HIGH: Final = 5  # Order of the differences.
-_GAP: Final = 5.0  # Median steps.
 _LEAST_STEP: Final = 1e-6  # Of the signal's range, which floats are not rounded to.
 
 
@@ -41,6 +40,10 @@ def measure_noise(trajectories: Sequence[Trajectory]) -> SensorNoise:
     motion. Noise that a filter has cut off shrinks too, though less: the level is continued back to order 0. Inputs
     may change at once; what their first and second integrals move is no noise.
 
+    Velocities that were estimated from positions (`Trajectory.noise_gain`) have the noise of the positions times their
+    gain. Of velocities that the machine itself has filtered, the level is too small: what a filter has left of their
+    noise is as slow as a motion (2nd-order low-pass of 20 Hz at 500 Hz: a twentieth of it is found).
+
     Args:
         trajectories: Recordings.
 
@@ -52,16 +55,15 @@ def measure_noise(trajectories: Sequence[Trajectory]) -> SensorNoise:
     """
     most = max(1, _MOST_SAMPLES // len(trajectories))
     parts = [_Part.of(each, most) for each in trajectories]
-    step = float(np.median(np.concatenate([np.diff(part.ts) for part in parts])))
-    # No window of differences spans a gap, between two recordings or within one.
-    ends = np.cumsum([0.0] + [float(np.ptp(part.ts)) + 2 * _GAP * step for part in parts])
-    ts = np.concatenate([part.ts - part.ts[0] + end for part, end in zip(parts, ends[:-1], strict=True)])
-    once, twice = (np.concatenate(moved) for moved in zip(*(part.moved for part in parts), strict=True))
-    q, rates = np.concatenate([part.q for part in parts]), np.concatenate([part.rates for part in parts])
-    return SensorNoise(
-        np.array([_noise(ts, x, _GAP * step, twice) for x in q.T]),
-        np.array([_noise(ts, x, _GAP * step, once) for x in rates.T]),
-    )
+    q = _noises([part.ts for part in parts], [part.q for part in parts], [part.moved[1] for part in parts])
+    rates = np.zeros_like(q)
+    if logged := [part for part in parts if part.gain is None]:
+        rates = _noises(
+            [part.ts for part in logged], [part.rates for part in logged], [part.moved[0] for part in logged]
+        )
+    if gains := [part.gain for part in parts if part.gain is not None]:
+        rates = np.maximum(rates, np.sqrt(np.mean(np.square(gains))) * q)
+    return SensorNoise(q, rates)
 
 
 class _Part(NamedTuple):
@@ -71,6 +73,7 @@ class _Part(NamedTuple):
     q: np.ndarray
     rates: np.ndarray
     moved: tuple[np.ndarray, np.ndarray]
+    gain: float | None
 
     @classmethod
     def of(cls, trajectory: Trajectory, most: int) -> "_Part":
@@ -79,7 +82,19 @@ class _Part(NamedTuple):
         steps = np.diff(ts)[:, None]
         once = np.concatenate([np.zeros_like(us[:1]), np.cumsum(us[:-1] * steps, axis=0)])
         twice = np.concatenate([np.zeros_like(us[:1]), np.cumsum((once[:-1] + us[:-1] * steps / 2) * steps, axis=0)])
-        return cls(ts, trajectory.q[:most], trajectory.rates[:most], (once, twice))
+        return cls(ts, trajectory.q[:most], trajectory.rates[:most], (once, twice), trajectory.noise_gain)
+
+
+def _noises(
+    ts: Sequence[np.ndarray], signals: Sequence[np.ndarray], causes: Sequence[np.ndarray]
+) -> Float[np.ndarray, " n"]:
+    """Noise of each channel of several recordings."""
+    longest = longest_step(np.concatenate([np.diff(each) for each in ts]))
+    # No window of differences spans a gap, between two recordings or within one.
+    ends = np.cumsum([0.0] + [float(np.ptp(each)) + 2 * longest for each in ts])
+    joined = np.concatenate([each - each[0] + end for each, end in zip(ts, ends[:-1], strict=True)])
+    moved = np.concatenate(causes)
+    return np.array([_noise(joined, column, longest, moved) for column in np.concatenate(signals).T])
 
 
 def _noise(ts: np.ndarray, signal: np.ndarray, longest: float, causes: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from ._resample import resample
 from ._spikes import find_spikes
 from ._split import segments
 from ._trajectory import Trajectory, refuse_times_out_of_order
-from ._velocities import estimate_velocities
+from ._velocities import estimate_velocities, velocity_noise_gain
 
 
 def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> tuple[tuple[Trajectory, ...], Mask]:
@@ -51,9 +51,18 @@ def _trajectory(log: Log, rows: np.ndarray, description: Description, is_angle: 
     """One piece of a log as a recording."""
     ts, q = log.ts[rows], log.q[rows]
     q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
-    rates = estimate_velocities(ts, q, name=log.name) if log.rates is None else log.rates[rows]
+    if log.rates is None:
+        rates, gain = estimate_velocities(ts, q, name=log.name), velocity_noise_gain(ts)
+    else:
+        rates, gain = log.rates[rows], None
     trajectory = Trajectory(
-        name=log.name, ts=ts, q=q, rates=rates, us=log.us[rows], initial_samples=description.initial_samples
+        name=log.name,
+        ts=ts,
+        q=q,
+        rates=rates,
+        us=log.us[rows],
+        initial_samples=description.initial_samples,
+        noise_gain=gain,
     )
     trajectory = delay_inputs(trajectory, description.input_delay, hold=description.hold)
     if description.resample is not None:

@@ -1,5 +1,6 @@
 """Recordings on a uniform time grid, without aliasing and without phase lag."""
 
+import dataclasses
 from typing import Literal
 
 import numpy as np
@@ -7,6 +8,7 @@ import numpy as np
 from ._errors import DataError
 from ._shapes import Inputs, Signals, Times
 from ._trajectory import Trajectory
+from ._velocities import velocity_noise_gain
 
 _MOST_SAMPLES = 50_000_000
 
@@ -49,13 +51,14 @@ def resample(trajectory: Trajectory, dt: float, *, hold: Literal["zero", "linear
         if average_held
         else centred_mean(elapsed, trajectory.us, grid, width)
     )
-    return Trajectory(
-        name=trajectory.name,
+    gain = None if trajectory.noise_gain is None else velocity_noise_gain(ts, averaged=width)
+    return dataclasses.replace(
+        trajectory,
         ts=ts[0] + grid,
         q=centred_mean(elapsed, trajectory.q, grid, width),
         rates=centred_mean(elapsed, trajectory.rates, grid, width),
         us=us,
-        initial_samples=trajectory.initial_samples,
+        noise_gain=gain,
     )
 
 

@@ -13,6 +13,39 @@ _ON_GRID, _NEAR, _TINY = 0.85, 0.1, 1e-3
 _LEAST_CHANGES = 0.01  # share of the samples; a staircase changes more seldom, and is no rounding
 _MOST_ALIKE = 0.99  # share of changes by the same multiple; those of a ramp are all alike
 _LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
+_EQUAL: Final = 1e-9  # of the signal's range: changes that are no more are errors of floats
+_USUAL: Final = 0.95  # share of the steps that are at most a usual one
+_FAR_LONGER: Final = 5  # usual steps: real loggers hiccup by 3 to 4 of them, which interpolation bridges
+
+
+def longest_step(steps: Times, *, resample: float | None = None) -> float:
+    """Longest time between samples that is no gap: 5 usual steps, those that 95 % of the steps keep to.
+
+    The median would not do: of time stamps that come in bursts it is the step within one.
+
+    Args:
+        steps: Times from sample to sample [s], at least one.
+        resample: Step of the grid that a recording is brought to [s]; two of them are no gap either.
+
+    Returns:
+        The time [s].
+    """
+    usual = float(np.quantile(steps, _USUAL, method="lower"))
+    return max(_FAR_LONGER * usual, 2 * (resample or 0.0))
+
+
+def least_change(signal: np.ndarray) -> float:
+    """Smallest change from one sample to the next.
+
+    Args:
+        signal: Consecutive samples.
+
+    Returns:
+        The change; 0 where there is none.
+    """
+    changes = np.abs(np.diff(signal))
+    changes = changes[changes > _EQUAL * np.ptp(signal)]
+    return float(changes.min()) if len(changes) else 0.0
 
 
 def quantum(signal: np.ndarray) -> float:
@@ -29,7 +62,7 @@ def quantum(signal: np.ndarray) -> float:
     """
     changes = np.abs(np.diff(signal))
     span = float(np.ptp(signal))
-    changes = changes[changes > 1e-9 * span]
+    changes = changes[changes > _EQUAL * span]
     if span == 0 or len(changes) < max(10, _LEAST_CHANGES * len(signal)):
         return 0.0
     binned = np.round(np.log10(changes), 2)

@@ -9,15 +9,15 @@ from jaxtyping import Float, Int
 
 from ._logs import Log
 from ._shapes import Times
-from ._signals import quantum
+from ._signals import least_change, longest_step, quantum
 
 _OFFSETS: Final = (-2, -1, 1, 2)  # Neighbours of which a cubic predicts a sample.
 _LOUD: Final = 8.0  # Standard deviations of what cubics leave, beyond which a sample stands out.
-_ROUNDED: Final = 4.0  # Steps of rounding, likewise.
+_ROUNDED: Final = 3.0  # Times the most that rounding makes of it, likewise.
 _SEEN: Final = 0.01  # Share of the signal's range: what is smaller does no harm.
+_COARSEST: Final = {"positions": 0.02, "rates": 0.2}  # Counts in SI or rad; no sensor's is larger.
 _LIKE, _NOISE = 0.12, 2.0  # Of the deviation, and standard deviations, by which neighbours may differ from a spike's.
 _AROUND: Final = 101  # Samples.
-_GAP: Final = 5.0  # Median steps, across which nothing is predicted.
 _SAME: Final = 0.5  # Of the deviation.
 _QUANTILE: Final = 0.8
 _NORMAL: Final = 1.2816  # That quantile of the absolute value of a standard normal variable.
@@ -68,7 +68,7 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     ts, q = log.ts[rows], log.q[rows]
     q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
     steps = np.diff(ts)
-    gaps = np.flatnonzero(steps > _GAP * np.median(steps))
+    gaps = np.flatnonzero(steps > longest_step(steps))
     near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
     slopes = np.diff(q, axis=0) / steps[:, None]
     signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
@@ -76,7 +76,7 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     for role, signal in signals.items():
         for name, column, slope in zip(log.names[role], signal.T, slopes.T, strict=True):
             off, weights = _deviations(ts, column)
-            alone = _spikes(column, off, weights)
+            alone = _spikes(column, off, weights, coarsest=_COARSEST[role])
             alone = alone[~near_gap[alone]]
             if role == "rates":
                 alone = alone[~_confirmed(column, off, slope, alone)]
@@ -114,7 +114,7 @@ def _deviations(ts: Times, signal: Float[np.ndarray, " T"]) -> tuple[np.ndarray,
     return off, weights
 
 
-def _spikes(signal: np.ndarray, off: np.ndarray, weights: np.ndarray) -> Int[np.ndarray, " k"]:
+def _spikes(signal: np.ndarray, off: np.ndarray, weights: np.ndarray, *, coarsest: float) -> Int[np.ndarray, " k"]:
     """Samples that deviate as nothing else does, and whose neighbours deviate as one wrong sample makes them.
 
     A wrong sample enters the cubics of its neighbours by their weights; a kink at an impact does so otherwise.
@@ -124,17 +124,26 @@ def _spikes(signal: np.ndarray, off: np.ndarray, weights: np.ndarray) -> Int[np.
     """
     from scipy.ndimage import percentile_filter  # slow to import
 
+    # White noise makes each deviation `gain` times its own size: more, where time stamps are close together.
+    gain = np.sqrt(1 + np.sum(weights**2, axis=1))
+    size = np.abs(off) / gain
     # A velocity's noise may grow with the speed: what is usual around a sample counts too.
-    around = percentile_filter(np.abs(off), 100 * _QUANTILE, size=min(_AROUND, len(off)), mode="nearest")
-    level = np.maximum(around, np.quantile(np.abs(off), _QUANTILE)) / _NORMAL
+    around = percentile_filter(size, 100 * _QUANTILE, size=min(_AROUND, len(off)), mode="nearest")
+    level = gain * np.maximum(around, np.quantile(size, _QUANTILE)) / _NORMAL
     low, high = np.quantile(signal, (0.01, 0.99))
-    loud = np.flatnonzero(
-        np.abs(off) > np.maximum(_LOUD * level, max(_ROUNDED * quantum(signal), _SEEN * (high - low)))
-    )
+    rounding = _counts(signal, coarsest) / 2 * (1 + np.sum(np.abs(weights), axis=1))
+    usual = np.maximum(_LOUD * level, _ROUNDED * rounding)
+    loud = np.flatnonzero(np.abs(off) > np.maximum(usual, _SEEN * (high - low)))
     loud = loud[(loud >= 4) & (loud < len(signal) - 4)]
     alone = np.ones(len(loud), bool)
     for j, k in enumerate(_OFFSETS):
         # The wrong sample is neighbour −k of its neighbour k, in place len − 1 − j of the weights.
         expected = -weights[loud + k, len(_OFFSETS) - 1 - j] * off[loud]
-        alone &= np.abs(off[loud + k] - expected) <= _LIKE * np.abs(off[loud]) + _NOISE * level[loud]
+        alone &= np.abs(off[loud + k] - expected) <= _LIKE * np.abs(off[loud]) + _NOISE * level[loud + k]
     return loud[alone]
+
+
+def _counts(signal: np.ndarray, coarsest: float) -> float:
+    """Step of rounding, also of a sensor at rest that flickers by one now and then, too seldom for `quantum`."""
+    least = least_change(signal)
+    return max(quantum(signal), least if least <= coarsest else 0.0)

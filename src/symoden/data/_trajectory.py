@@ -1,5 +1,6 @@
 """One recording of a mechanism."""
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,10 +16,12 @@ class Trajectory:
     Attributes:
         name: Name in messages and results; a file's stem, with `#1`, `#2`, … where the file was split.
         ts: Time stamps [s], strictly increasing, spaced as they were recorded.
-        q: Positions; lengths in their unit, angles [rad] without jumps of 2π.
+        q: Positions; lengths in their unit, angles [rad]; a data set takes out jumps of 2π.
         rates: Velocities or momenta; the data set says which.
         us: Inputs; with hold "zero", `us[k]` acts on [`ts[k]`, `ts[k + 1]`). No columns mean free motion.
         initial_samples: How many samples may be used to find the first state; scoring starts after them.
+        noise_gain: Standard deviation of the rates' noise over that of the positions' [1/s], where the rates were
+            estimated from the positions (`velocity_noise_gain` says it); None where they were measured.
 
     Example:
         >>> import numpy as np
@@ -34,12 +37,13 @@ class Trajectory:
     rates: np.ndarray
     us: np.ndarray
     initial_samples: int = 1
+    noise_gain: float | None = None
 
     def __post_init__(self) -> None:
         """Copy the arrays, and refuse what is no recording.
 
         Raises:
-            DataError: If a shape, a value, the order of the times or the number of initial samples is wrong.
+            DataError: If a shape, a value, the order of the times, the number of initial samples or the gain is wrong.
         """
         for field, axes in (("ts", 1), ("q", 2), ("rates", 2), ("us", 2)):
             object.__setattr__(
@@ -61,6 +65,11 @@ class Trajectory:
             raise DataError(
                 f"`{self.name}`: `initial_samples` must be at least 1 and leave a sample to score; "
                 f"got {self.initial_samples} of {samples} samples."
+            )
+        if self.noise_gain is not None and not 0 < self.noise_gain < np.inf:
+            raise DataError(
+                f"`{self.name}`: `noise_gain` must be positive and finite; got {self.noise_gain}. Leave it out where "
+                "the rates were measured."
             )
 
     def __len__(self) -> int:
@@ -84,13 +93,8 @@ class Trajectory:
             The part.
         """
         part = slice(start, stop)
-        return Trajectory(
-            name=name,
-            ts=self.ts[part],
-            q=self.q[part],
-            rates=self.rates[part],
-            us=self.us[part],
-            initial_samples=self.initial_samples,
+        return dataclasses.replace(
+            self, name=name, ts=self.ts[part], q=self.q[part], rates=self.rates[part], us=self.us[part]
         )
 
 

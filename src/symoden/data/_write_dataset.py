@@ -24,7 +24,7 @@ def write_dataset(path: Path | str, dataset: Dataset) -> None:
 
     Args:
         path: The description, by custom `<name>.toml`.
-        dataset: The data set. Names of columns are not kept.
+        dataset: The data set. Names of columns are not kept, nor whether velocities were estimated.
 
     Raises:
         DataError: If a name is no name of a file or is there twice, the recordings' numbers of initial samples differ,
