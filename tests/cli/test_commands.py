@@ -72,6 +72,27 @@ def test_evaluate_says_how_many_positions_its_bands_cover(arm_run, capsys):
     assert f"cover {bands['coverage']:.1%} of the positions of the test recordings" in capsys.readouterr().out
 
 
+def test_too_few_windows_give_no_bands_but_all_else(arm_run, tmp_path, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(arm_run, run)
+    config = json.loads((run / "config.json").read_text())
+    config["training"] |= {"lm_horizon": 20, "validation": 0.0}
+    (run / "config.json").write_text(json.dumps(config))
+    message = "Bands need 5 windows of training data or more, to tell how much these disagree; there are 3. "
+    found = answer(capsys, "evaluate", run, "--bands")
+    assert len(found["recordings"]) == 2
+    assert found["bands"]["unavailable"].startswith(message)
+    assert main(["evaluate", str(run), "--bands"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith(f"no bands: {message}")
+    assert answer(capsys, "inspect", run)["certainty"]["unavailable"].startswith(message)
+    assert main(["inspect", str(run)]) == 0
+    printed = capsys.readouterr().out
+    assert f"no bands: {message}" in printed
+    assert " ± " not in printed
+    assert main(["report", str(run), "--out", str(tmp_path / "page.html")]) == 0
+    assert f"No bands: {message}" in (tmp_path / "page.html").read_text()
+
+
 def test_predict_writes_every_recording_and_its_rollout(arm_run, arm, tmp_path, capsys):
     path = tmp_path / "paths.npz"
     assert answer(capsys, "predict", arm_run, arm, "--out", path)["recordings"] == 2
@@ -179,6 +200,23 @@ def test_inspect_needs_no_data_but_says_that_the_audit_does(arm_run, tmp_path, c
     assert found["mass_matrix_eigenvalues"] is not None
     assert main(["inspect", str(folder)]) == 0
     assert "not made, because the run's data cannot be read" in capsys.readouterr().out
+
+
+def test_slow_commands_say_what_they_do(arm_run, capsys, monkeypatch):
+    assert main(["inspect", str(arm_run), "--json"]) == 0
+    assert capsys.readouterr().err.splitlines() == [
+        "how certain the parameters are",
+        "bands of M, V, g and D",
+        "power audit on the test recordings",
+    ]
+    assert main(["evaluate", str(arm_run), "--bands", "--json"]) == 0
+    assert capsys.readouterr().err.splitlines() == ["how certain the parameters are", "bands of predictions"]
+    monkeypatch.setenv("FORCE_COLOR", "1")  # As on a terminal.
+    assert main(["evaluate", str(arm_run), "--bands", "--json"]) == 0
+    printed = capsys.readouterr()
+    assert "bands of predictions" in printed.err
+    assert "\x1b[" in printed.err
+    assert "\x1b[" not in printed.out
 
 
 def test_a_plain_file_gets_no_escape_codes(arm_run, capsys):

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from symoden.data import Dataset, Trajectory
-from symoden.experiments import Source, predict, score_recordings, score_task, simulate, task
+from symoden.experiments import Source, _evaluate, predict, score_recordings, score_task, simulate, task
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
 from symoden.systems import Pendulum
 
 FINE = RK4(16)
+TRUTH = Pendulum(damping=0.2)
 PLAIN = BlockConfig(constant=True)
 SMALL = {"inverse_mass": PLAIN, "potential": BlockConfig(hidden=(4,)), "flow": (8,), "energy": (8,)}
 
@@ -133,6 +134,38 @@ def test_scoring_starts_after_the_initial_samples():
     assert score.window_rmse.mean == pytest.approx(np.mean(errors), rel=1e-9)
     whole = written_out(Pendulum(), recording, 0, 31)[6:]
     assert score.rollout_rmse == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-9)
+
+
+def in_noise(k, *, noise=0.4, initial_samples=10):
+    """Swing of a pendulum, measured with noisy velocities."""
+    ts, generator = 0.05 * np.arange(61), np.random.default_rng(k)
+    us = np.repeat(generator.normal(size=(7, 1)), 10, axis=0)[:61]
+    path = roll_out(TRUTH, *map(jnp.asarray, (generator.normal(size=1), np.zeros(1), ts, us)))
+    rates = np.asarray(path.rates) + noise * generator.normal(size=(61, 1))
+    return Trajectory(name=f"{k}", ts=ts, q=np.asarray(path.q), rates=rates, us=us, initial_samples=initial_samples)
+
+
+def test_whole_recordings_are_predicted_from_the_state_that_their_initial_samples_tell():
+    noisy = tuple(in_noise(k) for k in range(4))
+    one = tuple(dataclasses.replace(each, initial_samples=1) for each in noisy)
+    found, raw = (
+        [score.rollout_rmse for score in score_recordings(TRUTH, Dataset(name="d", space="T1", train=t), solver=RK4(4))]
+        for t in (noisy, one)
+    )
+    assert np.mean(found) < 0.1 * np.mean(raw)
+    exact, from_one = (in_noise(0, noise=0.0, initial_samples=k) for k in (10, 1))
+    paths = predict(TRUTH, [exact, from_one], hold="zero", solver=RK4(4))
+    np.testing.assert_array_equal(paths[0].q, paths[1].q)
+    np.testing.assert_array_equal(predict(TRUTH, one[:1], hold="zero", solver=RK4(4))[0].q[0], one[0].q[0])
+
+
+def test_where_the_rollout_from_the_found_state_diverges_the_measured_one_is_taken(monkeypatch):
+    far = np.array([1.7e308])
+    monkeypatch.setattr(_evaluate, "find_first_state", lambda *_, **__: (far, far))
+    several = in_noise(0)
+    one = dataclasses.replace(several, initial_samples=1)
+    found, raw = predict(TRUTH, [several, one], hold="zero", solver=RK4(4))
+    np.testing.assert_array_equal(found.q, raw.q)
 
 
 def test_other_recordings_and_their_padding_change_nothing():

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.data import DataError, Dataset, Trajectory
-from symoden.models import KINDS, BlockConfig, ModelConfig
+from symoden.data import DataError, Dataset, DataWarning, Trajectory
+from symoden.models import KINDS, BlockConfig, ModelConfig, StructuredModel
 from symoden.systems import Pendulum
-from symoden.training import TrainingConfig, TrainingError, fit
+from symoden.training import TrainingConfig, TrainingError, _fit, fit
 from symoden.training._fit import _prepare
 
 CONSTANT = BlockConfig(constant=True)
@@ -101,8 +101,46 @@ def test_data_without_a_finite_model_is_a_training_error(small, quick):
     dataset = Dataset(name="huge", space="R1", train=(trajectory,))
     raw = dataclasses.replace(small, scaled=False)
     config = dataclasses.replace(quick, lm_steps=0, scaled_loss=False)
-    with pytest.raises(TrainingError, match="every rollout diverged"):
+    with pytest.raises(TrainingError, match="whose errors are finite"):
         fit(dataset, model=raw, config=config)
+
+
+def test_a_fit_that_predicts_nothing_is_a_training_error(pendulum, small, quick, monkeypatch):
+    monkeypatch.setattr(_fit, "_LOST", 1e-9)
+    with pytest.raises(TrainingError, match="no larger than the motion"):
+        fit(pendulum(), model=small, config=dataclasses.replace(quick, adam_steps=20, lm_steps=0))
+
+
+def test_a_joint_that_rests_does_not_hide_one_that_moves(pendulum, quick):
+    """Weights that grew with its stillness made training diverge."""
+    plain = BlockConfig(constant=True)
+    spring = ModelConfig(
+        inverse_mass=plain, potential=BlockConfig(hidden=(8,)), actuation=plain, friction=plain, knees=()
+    )
+    ts = np.arange(200) * 0.02
+    recordings = []
+    for k in range(4):
+        q, v = np.cos(3 * ts + k), -3 * np.sin(3 * ts + k)
+        rests, flickers = np.full(200, 0.4), np.where(np.arange(200) % 90 == 0, 1e-4, 0.0)
+        positions, rates = np.stack([q, rests], axis=1), np.stack([v, flickers], axis=1)
+        recordings.append(Trajectory(name=f"{k}", ts=ts, q=positions, rates=rates, us=np.zeros((200, 0))))
+    config = dataclasses.replace(
+        quick, restarts=1, horizon=5, lm_steps=8, lm_horizon=20, growth_steps=0, relevance_steps=0
+    )
+    found = fit(Dataset(name="d", space="R2", train=tuple(recordings)), model=spring, config=config).model
+    assert isinstance(found, StructuredModel)
+    q = jnp.array([0.5, 0.4])
+    force = -jax.grad(found.potential_energy)(q)
+    np.testing.assert_allclose((found.inverse_mass_matrix(q) @ force)[0], -4.5, rtol=0.05)
+
+
+def test_windows_are_cut_from_what_is_long_enough(pendulum, small, quick):
+    dataset = pendulum(samples=60)
+    short = dataclasses.replace(pendulum(samples=5, count=1, seed=1).train[0], name="short")
+    config = dataclasses.replace(quick, adam_steps=20, lm_steps=1, growth_steps=0, relevance_steps=0, validation=0.0)
+    with pytest.warns(DataWarning, match="`short`.*shorter than a window of 6 samples"):
+        beside = fit(dataclasses.replace(dataset, train=(*dataset.train, short)), model=small, config=config)
+    assert np.isfinite(beside.loss)
 
 
 def test_the_global_precision_is_left_alone_and_followed(pendulum, small, quick):

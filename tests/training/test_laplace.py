@@ -15,7 +15,7 @@ from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
 from symoden.systems import Pendulum
-from symoden.training import TrainingConfig, _laplace, fit, infer_posterior
+from symoden.training import Laplace, TrainingConfig, _laplace, fit, infer_posterior
 from symoden.training._laplace import _sandwich
 
 CONSTANT = BlockConfig(constant=True)
@@ -85,13 +85,41 @@ def test_the_covariance_is_the_sandwich_and_without_information_the_prior(seed, 
     generator = np.random.default_rng(seed)
     J, scores = generator.normal(size=(5, 3, 4)) * [1.0, 2.0, 0.5, 0.0], generator.normal(size=(5, 4)) * [1, 1, 1, 0]
     variance, squares = 0.3, np.einsum("wri,wrj->ij", J, J)
-    factor, effective = _sandwich(squares, scores.T @ scores, variance=variance, inflation=inflation, prior=prior)
+    spread = scores.T @ scores
+    factor, effective = _sandwich(squares, spread, windows=5, variance=variance, inflation=inflation, prior=prior)
     bread = np.linalg.inv(squares / (inflation * variance) + prior * np.eye(4))
-    filling = scores.T @ scores / (inflation * variance**2) + prior * np.eye(4)
+    filling = 5 / 4 * spread / (inflation * variance**2) + prior * np.eye(4)
     expected = bread @ filling @ bread
     assert factor @ factor.T == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
     assert (factor @ factor.T)[3, 3] == pytest.approx(1 / prior, rel=1e-9)
     assert effective == pytest.approx(np.trace(bread @ squares) / (inflation * variance), rel=1e-9)
+
+
+@pytest.mark.parametrize("windows", [5, 8, 20])
+def test_bands_from_few_windows_cover_what_they_say(windows):
+    generator, covered, size = np.random.default_rng(0), [], 4
+    for _ in range(300):
+        J = generator.normal(size=(windows, 30, size))
+        alike = 0.3 * generator.normal(size=(windows, size))  # What is wrong with the model in each window.
+        y = np.einsum("wrp,wp->wr", J, alike) + 0.3 * generator.normal(size=(windows, 30))
+        squares = np.einsum("wrp,wrq->pq", J, J)
+        theta = np.linalg.solve(squares, np.einsum("wrp,wr->p", J, y))  # The truth is zero.
+        r = y - J @ theta
+        scores = np.einsum("wrp,wr->wp", J, r)
+        factor, effective = _sandwich(
+            squares, scores.T @ scores, windows=windows, variance=float(np.mean(r**2)), inflation=1.0, prior=1e-6
+        )
+        posterior = Laplace(
+            restore=lambda theta: theta, theta=theta, windows=windows, factor=factor, effective=effective
+        )
+        covered.append(np.abs(theta) < posterior.quantile(0.9) * np.linalg.norm(factor, axis=1))
+    assert np.mean(covered) == pytest.approx(0.9, abs=0.025)
+
+
+def test_too_few_windows_are_refused(pendulum):
+    model, dataset = identified(pendulum(count=2, samples=17), 0)
+    with pytest.raises(ValueError, match=r"Bands need 5 windows of training data or more, .* there are 4"):
+        infer_posterior(model, dataset, STEPS)
 
 
 def test_corrections_that_were_never_free_are_no_part_of_it():

@@ -13,6 +13,7 @@ import pytest
 from symoden.models import load
 from symoden.storage import StorageError, load_arrays, save_arrays
 from symoden.training import fit
+from symoden.training._run import Stopwatch
 
 PROGRAM = """
 import sys
@@ -50,13 +51,23 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(pendulum, sm
         )
         if part.completed:
             break
-        assert "time limit" in part.outcome
+        assert "time limit of 0 minutes, with " in part.outcome
+        assert "growth still to come" in part.outcome or "longer windows still to come" in part.outcome
     assert part.completed
     assert {"adam 1 of 3", "adam 2 of 3", "adam 3 of 3", "levenberg-marquardt", "relevance", "growth"} <= stages
     assert eqx.tree_equal(part.model, whole.model)
     assert part.loss == whole.loss
     lines = [len((tmp_path / run / "metrics.jsonl").read_text().splitlines()) for run in ("whole", "parts")]
     assert lines[0] == lines[1]
+
+
+def test_the_time_limit_is_on_this_run_alone():
+    watch = Stopwatch(1.0)
+    watch.spent = 600.0
+    assert watch.seconds >= 600
+    assert not watch.is_over
+    assert Stopwatch(0.0).is_over
+    assert not Stopwatch(None).is_over
 
 
 def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path):

@@ -11,7 +11,7 @@ import pytest
 from symoden.blocks import RUNGS
 from symoden.models import build
 from symoden.spaces import Space
-from symoden.training import _fit, _levenberg_marquardt as _levenberg
+from symoden.training import _data, _levenberg_marquardt as _levenberg
 from symoden.training._relevance import Relevance
 from symoden.training._stages import LevenbergStage
 from symoden.training._state import Incumbent, TrainingState
@@ -21,7 +21,7 @@ from symoden.training._state import Incumbent, TrainingState
 def stage(pendulum, small, quick):
     dataset = pendulum()
     model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
-    data = _fit.levenberg_data(dataset, model, quick)
+    data = _data.levenberg_data(dataset, model, quick)
     state = TrainingState(
         stage=0,
         step=1,
@@ -109,19 +109,21 @@ def test_longer_windows_begin_with_wide_priors_and_what_was_learned_comes_back_i
 
 
 def test_windows_are_twice_and_four_times_as_long_as_far_as_there_are_enough(pendulum, small, quick, monkeypatch):
-    monkeypatch.setattr(_fit, "_FEWEST", 2)
+    monkeypatch.setattr(_data, "_FEWEST", 2)
     dataset = pendulum()
     dataset = dataclasses.replace(dataset, train=dataset.train[1:], validation=dataset.train[:1])
     model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
     samples = min(map(len, dataset.train))
     for horizon, factors in (((samples - 1) // 8, [2, 4]), ((samples - 1) // 4, [2]), (samples - 1, [])):
-        data = _fit.levenberg_data(dataset, model, dataclasses.replace(quick, lm_horizon=horizon))
-        longer = _fit._longer(dataset, model, data, dataclasses.replace(quick, lm_horizon=None))
+        data = _data.levenberg_data(dataset, model, dataclasses.replace(quick, lm_horizon=horizon))
+        longer = _data.longer_data(dataset, model, data, dataclasses.replace(quick, lm_horizon=None))
         assert [each.train.ts.shape[1] - 1 for each in longer] == [factor * horizon for factor in factors]
         assert all(each.validation is not None for each in longer)
-        assert _fit._longer(dataset, model, data, dataclasses.replace(quick, lm_horizon=horizon)) == []  # as asked for
-    monkeypatch.setattr(_fit, "_FEWEST", 10**6)
-    assert _fit._longer(dataset, model, data, quick) == []
+        assert (
+            _data.longer_data(dataset, model, data, dataclasses.replace(quick, lm_horizon=horizon)) == []
+        )  # as asked for
+    monkeypatch.setattr(_data, "_FEWEST", 10**6)
+    assert _data.longer_data(dataset, model, data, quick) == []
 
 
 def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):

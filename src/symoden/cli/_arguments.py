@@ -112,7 +112,8 @@ class Predict:
 
     For each recording NAME the file holds NAME/ts (T,) [s], NAME/q, NAME/rates, NAME/u as recorded, and
     NAME/q_predicted, NAME/rates_predicted (T, n); rates are velocities or momenta as in the data. Where a name occurs
-    in several parts, NAME is PART:NAME, such as test:swing#1.
+    in several parts, NAME is PART:NAME, such as test:swing#1. The first state is the measured one; where the data set
+    has `initial_samples` above 1, it is found from these with the model.
 
     Attributes:
         run: Folder of the run.
@@ -216,7 +217,7 @@ class Data:
     and columns, jumps, and time stamps out of order. Its exit status is 0 if the files could be read.
 
     Attributes:
-        action: check.
+        action: What to do; there is nothing else yet.
         source: The TOML file that describes the data set.
         figure: Picture to draw of all recordings, with the findings marked: PNG, PDF or SVG.
         space: Configuration space instead of the description's own.

@@ -2,11 +2,21 @@
 
 from dataclasses import asdict
 
-from symoden.experiments import read_model, read_posterior, read_run, read_run_source, score_bands
+from symoden.experiments import (
+    Bands,
+    RunConfig,
+    Source,
+    read_model,
+    read_run,
+    read_run_source,
+    score_bands,
+)
+from symoden.mechanics import AbstractDynamics
+from symoden.storage import StorageError
 
 from ._arguments import Evaluate
 from ._figure import check_figure, save_figure
-from ._learned import band_words, bands_of, draw_unseen
+from ._learned import band_words, bands_of, draw_unseen, posterior_of
 from ._output import print_json
 from ._scores import report_scores
 
@@ -22,17 +32,27 @@ def run(command: Evaluate) -> None:
     model = read_model(command.run)
     source = read_run_source(config, command.source)
     scores = report_scores(model, config, source, json=command.general.json)
-    bands = score = None
-    if command.bands:
-        own = source if command.source is None else read_run_source(config)
-        bands = bands_of(read_posterior(command.run, model, config, own.dataset), config, own.dataset)
-        score = score_bands(bands, source.dataset.test)
+    bands, missing = _bands(command, config, model, source) if command.bands else (None, "")
+    score = bands and score_bands(bands, source.dataset.test)
     if command.figure is not None:
         save_figure(draw_unseen(model, config, source.dataset, bands), command.figure)
     if command.general.json:
-        print_json(scores if score is None else scores | {"bands": asdict(score)})
+        found = {"unavailable": missing} if score is None else asdict(score)
+        print_json(scores | {"bands": found} if command.bands else scores)
         return
-    if score is not None:
-        print(f"\n{band_words(score)}")
+    if command.bands:
+        print(f"\n{f'no bands: {missing}' if score is None else band_words(score)}")
     if command.figure is not None:
         print(f"\nrecordings and rollouts are drawn in {command.figure}")
+
+
+def _bands(command: Evaluate, config: RunConfig, model: AbstractDynamics, source: Source) -> tuple[Bands | None, str]:
+    """Bands of the run's rollouts, or why there are none."""
+    own = source if command.source is None else read_run_source(config)
+    try:
+        posterior = posterior_of(command.run, model, config, own.dataset)
+    except StorageError:
+        raise
+    except ValueError as error:  # Too few windows, or too many parameters: the scores are worth having all the same.
+        return None, str(error)
+    return bands_of(posterior, config, own.dataset), ""

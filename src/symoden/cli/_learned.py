@@ -31,6 +31,7 @@ from symoden.models import StructuredModel
 from symoden.training import AbstractPosterior, hold_out
 
 from ._output import TableText, number
+from ._progress import show_work
 
 ROWS = 5  # Of a table.
 MOST_DRAWN = 8  # Recordings in one figure.
@@ -78,7 +79,7 @@ class Learned:
         if source is not None:
             uncertain = "" if isinstance(model, StructuredModel) else "this kind of model has no M, V, g and D"
             try:
-                posterior = read_posterior(run, model, config, source.dataset)
+                posterior = posterior_of(run, model, config, source.dataset)
             except ValueError as error:
                 uncertain = uncertain or str(error)
         return cls(config=config, model=model, source=source, missing=missing, posterior=posterior, uncertain=uncertain)
@@ -98,7 +99,8 @@ class Learned:
         )
         if self.posterior is None or found.velocities is None:
             return found, None
-        return found, certainty(self.posterior, found)
+        with show_work("bands of M, V, g and D"):
+            return found, certainty(self.posterior, found)
 
     def bands(self) -> Bands | None:
         """What makes bands of rollouts, where that is known."""
@@ -131,7 +133,8 @@ class Learned:
         split, recordings = unseen(self.source.dataset)
         data = self.config.data
         solver = evaluation_solver(self.config)
-        return split, audit(self.model, recordings, ranges=data.ranges, hold=data.hold, solver=solver)
+        with show_work(f"power audit on the {split} recordings"):
+            return split, audit(self.model, recordings, ranges=data.ranges, hold=data.hold, solver=solver)
 
 
 def unseen(dataset: Dataset) -> tuple[str, tuple[Trajectory, ...]]:
@@ -146,6 +149,22 @@ def unseen(dataset: Dataset) -> tuple[str, tuple[Trajectory, ...]]:
     return ("test", dataset.test) if dataset.test else ("train", dataset.train)
 
 
+def posterior_of(run: Path, model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> AbstractPosterior:
+    """What the data leave open about a run's model (`read_posterior`), with a word on it, for it may take a minute.
+
+    Args:
+        run: Folder of the run.
+        model: Its model.
+        config: Its settings.
+        dataset: Its data.
+
+    Returns:
+        The posterior.
+    """
+    with show_work("how certain the parameters are"):
+        return read_posterior(run, model, config, dataset)
+
+
 def bands_of(posterior: AbstractPosterior, config: RunConfig, dataset: Dataset) -> Bands:
     """Bands of a run's rollouts, as wide as the recordings that its training held out ask for.
 
@@ -157,7 +176,8 @@ def bands_of(posterior: AbstractPosterior, config: RunConfig, dataset: Dataset) 
     Returns:
         The bands.
     """
-    return calibrate_bands(posterior, hold_out(dataset, config.training), solver=evaluation_solver(config))
+    with show_work("bands of predictions"):
+        return calibrate_bands(posterior, hold_out(dataset, config.training), solver=evaluation_solver(config))
 
 
 def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, bands: Bands | None) -> Any:  # noqa: ANN401
@@ -300,7 +320,8 @@ def audit_words(split: str, result: Audit | None, missing: str) -> Iterator[str]
     if result is None:
         yield f"not made, because the run's data cannot be read: {missing}"
         return
-    yield f"{result.recordings} {split} recordings; outside the range of training: {result.outside:.1%}"
+    several = "" if result.recordings == 1 else "s"
+    yield f"{result.recordings} {split} recording{several}; outside the range of training: {result.outside:.1%}"
     if result.diverged is None:
         yield "the balance of powers does not apply: this kind of model has no energy"
         return

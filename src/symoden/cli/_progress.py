@@ -1,4 +1,4 @@
-"""Progress of training: a bar on a terminal, plain lines elsewhere."""
+"""Progress: of training a bar on a terminal, of other work a spinner; plain lines elsewhere."""
 
 import contextlib
 import sys
@@ -28,6 +28,25 @@ def show_progress() -> Iterator[Callable[[Progress], None]]:
             yield _on_terminal(bars)
     else:
         yield _on_lines()
+
+
+@contextlib.contextmanager
+def show_work(what: str) -> Iterator[None]:
+    """Say on standard error what is going on while the context lasts.
+
+    Args:
+        what: The work, whose length is not known.
+
+    Yields:
+        Nothing.
+    """
+    out = console(stderr=True)
+    if out.is_terminal:
+        with out.status(what):
+            yield
+    else:
+        print(what, file=sys.stderr, flush=True)
+        yield
 
 
 def _bars(out: Console) -> Bars:

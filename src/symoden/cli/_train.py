@@ -63,8 +63,6 @@ def run(command: Train) -> None:
             words = ensemble_words(len(result.ensemble.members), result.ensemble.tried)
             enough = len(result.ensemble.members) >= FEWEST_MEMBERS
             print(f"{words}; {'how they scatter makes the bands' if enough else 'too few for bands'}")
-            if not result.completed:
-                print("go on with --resume")
         print(f"the run is in {command.out}")
 
 
@@ -132,9 +130,10 @@ def _headline(config: RunConfig, source: Source, command: Train) -> str:
     """The settings in one line."""
     data = source.dataset
     inputs = f"{data.inputs} input{'' if data.inputs == 1 else 's'}"
+    recordings = f"{len(data.train)} recording{'' if len(data.train) == 1 else 's'}"
     return (
         f"training a {config.model.kind} model of {command.source}: space {data.space}, {inputs}, "
-        f"{len(data.train)} recordings; preset {config.preset}, seed {config.seed}; into {command.out}"
+        f"{recordings}; preset {config.preset}, seed {config.seed}; into {command.out}"
     )
 
 

@@ -1,5 +1,6 @@
 """Scores of a model: the paper's errors on a task, position errors on measured recordings."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -14,6 +15,7 @@ from symoden.integrate import HOLDS, AbstractSolver, Hold, Rollout, rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.models import NaiveModel
 from symoden.spaces import Space
+from symoden.training import find_first_state
 
 from ._batches import Segment, Stretch, entire, in_batches
 from ._paper import MeanStd
@@ -63,7 +65,8 @@ class RecordingScore:
         split: Its part: train, validation or test.
         samples: Number of its samples.
         window_rmse: Errors over short windows, each from a measured state.
-        rollout_rmse: Position RMSE of one rollout from the start of the recording; infinite if it diverges.
+        rollout_rmse: Position RMSE of one rollout from the start of the recording, found from its `initial_samples`;
+            infinite if it diverges.
     """
 
     name: str
@@ -75,7 +78,7 @@ class RecordingScore:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """Rollout from the first state of a recording.
+    """Rollout from the first state of a recording, as measured or as found.
 
     Attributes:
         q: Coordinates; angles without jumps of 2π, whatever the model.
@@ -167,6 +170,9 @@ def predict(
 ) -> list[Prediction]:
     """Roll out recordings from their first states under their inputs.
 
+    The first state is the measured one; where there are more `initial_samples`, it is found from these
+    (`find_first_state`), unless the rollout from there diverges.
+
     Args:
         model: Learned model or analytic system.
         trajectories: Recordings of any lengths.
@@ -176,8 +182,28 @@ def predict(
     Returns:
         One prediction for each recording.
     """
-    found = dict(paths(model, entire(trajectories), hold=HOLDS[hold], solver=solver))
+    chosen = HOLDS[hold]
+    begun = [_begun(model, trajectory, chosen, solver) for trajectory in trajectories]
+    found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
+    astray = [
+        i
+        for i, trajectory in enumerate(trajectories)
+        if begun[i] is not trajectory and not np.isfinite(found[i].observations).all()
+    ]
+    for k, path in paths(model, entire([trajectories[i] for i in astray]), hold=chosen, solver=solver):
+        found[astray[k]] = path
     return [found[i] for i in range(len(trajectories))]
+
+
+def _begun(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
+    """A recording that begins in the state that its initial samples tell; the same one where it has one such sample."""
+    if recording.initial_samples == 1:
+        return recording
+    first = find_first_state(model, recording, hold=hold, solver=solver)
+    q, rates = (
+        np.concatenate([x[None], rest[1:]]) for x, rest in zip(first, (recording.q, recording.rates), strict=True)
+    )
+    return dataclasses.replace(recording, q=q, rates=rates)
 
 
 def paths(

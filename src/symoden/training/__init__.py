@@ -1,17 +1,18 @@
 """Training: short rollouts against recordings, by Adam and then Levenberg-Marquardt."""
 
 from ._config import TrainingConfig as TrainingConfig
+from ._data import hold_out as hold_out
 from ._ensemble import (
     FEWEST_MEMBERS as FEWEST_MEMBERS,
     Ensemble as Ensemble,
     check_members as check_members,
     load_ensemble as load_ensemble,
 )
+from ._first_state import find_first_state as find_first_state
 from ._fit import (
     FitResult as FitResult,
     TrainingError as TrainingError,
     fit as fit,
-    hold_out as hold_out,
     ignore as ignore,
 )
 from ._laplace import Laplace as Laplace, infer_posterior as infer_posterior
@@ -32,6 +33,7 @@ __all__ = [
     "TrainingConfig",
     "TrainingError",
     "check_members",
+    "find_first_state",
     "fit",
     "hold_out",
     "ignore",

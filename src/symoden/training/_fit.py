@@ -6,36 +6,28 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 import optax
-from jax.typing import DTypeLike
 
 from symoden.blocks import RUNGS, count_parameters, highest_rung
-from symoden.data import Dataset, measure_noise, split_validation, windows
-from symoden.integrate import HOLDS, RK4
+from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, build, check_known, save
 from symoden.spaces import Space
 
 from ._adam import adam
 from ._config import TrainingConfig
+from ._data import adam_data, hold_out, levenberg_data, longer_data, name_short
 from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._flatten import cast
-from ._objective import Batch, Objective, channel_weights
 from ._relevance import MOST_PARAMETERS
 from ._run import MODEL, Journal, Progress, Stopwatch, run
-from ._scales import measure_scales, states, time_scale
+from ._scales import measure_scales, states
 from ._stages import AbstractStage, AdamStage, Data, LevenbergStage
 from ._state import Incumbent, TrainingState
 
-_ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
-_LM_HORIZON = 2.0
-_SHORTEST = 3
-_LONGER = (2, 4)  # Times as long as Levenberg-Marquardt's windows.
-_FEWEST = 20  # Of them, or they stay as they are.
+_LOST = 1e3  # Loss relative to the motion, beyond which a model predicts nothing.
 
 
 class TrainingError(RuntimeError):
@@ -94,16 +86,16 @@ def fit(
             run, bit for bit.
         members: How many more models to train like it, from other initial weights on windows drawn with replacement:
             how they scatter says how certain it is. 0 trains none.
-        max_minutes: Stop after this time with the best model so far.
+        max_minutes: Stop after this time, earlier runs not counted, with the best model so far.
         progress: Called after every stride.
 
     Returns:
         The model and how training ended.
 
     Raises:
-        TrainingError: If no finite model was found.
+        TrainingError: If no model was found whose errors are finite and no larger than the motion.
         ValueError: If members are wanted and training has no Levenberg-Marquardt.
-        DataError: If a recording is shorter than a window.
+        DataError: If every recording is shorter than a window.
         StorageError: If `folder` cannot be written, or its checkpoint is damaged or of other settings.
 
     Example:
@@ -125,25 +117,27 @@ def fit(
         stages, state = _prepare(dataset, model, config)
         counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
-        state, outcome, seconds = run(stages, state, journal, resume=resume, max_minutes=max_minutes, progress=progress)
-        if not math.isfinite(state.best_loss):
+        watch = Stopwatch(max_minutes)
+        state, outcome = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
+        completed, ensemble = state.stage == len(stages), None
+        if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _LOST):
             raise TrainingError(
-                "Training must find a model with finite errors; every rollout diverged. Check the units and the space "
-                "of the data, or lower the learning rate."
+                "Training must find a model whose errors are finite and no larger than the motion; the best one has a "
+                f"loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the space of "
+                "the data (`symoden data check`), or lower the learning rate."
             )
-        best, completed, ensemble = cast(state.best, precision), state.stage == len(stages), None
+        best = cast(state.best, precision)
         if folder is not None:
             save(folder / MODEL, best)
         if members and completed:
             fresh = _builder(hold_out(dataset, config), model, config)
             pattern = _pattern(stages, state, lambda number: fresh(config.restarts + number))
-            watch = Stopwatch(seconds, max_minutes)
             ensemble = train_members(
                 pattern, members, path=journal.ensemble, resume=resume, watch=watch, progress=progress
             )
-            completed, seconds = ensemble.is_complete(members), watch.seconds
+            completed = ensemble.is_complete(members)
             if not completed:
-                outcome = watch.outcome
+                outcome = watch.outcome(["members"])
             elif len(ensemble.members) < members:
                 outcome = f"{len(ensemble.members)} of {ensemble.tried} members fitted as well as the model"
     return FitResult(
@@ -151,7 +145,7 @@ def fit(
         outcome=outcome,
         completed=completed,
         loss=state.best_loss,
-        seconds=seconds,
+        seconds=watch.seconds,
         ensemble=ensemble,
     )
 
@@ -167,13 +161,15 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
     if config.adam_steps and free:
-        data, optimizer = _adam_data(dataset, dynamics, config), _optimizer(config)
+        data, optimizer = adam_data(dataset, dynamics, config), _optimizer(config)
+        name_short(dataset, data)
         stages.extend(AdamStage(data, config, fresh, optimizer, k) for k, fresh in enumerate(candidates))
     if config.lm_steps:
         data = levenberg_data(dataset, dynamics, config)
+        name_short(dataset, data)
         if free:
             stages.append(LevenbergStage(data, config))
-        stages.extend(_further(dynamics, data, _longer(dataset, dynamics, data, config), config))
+        stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
     state = TrainingState(
         stage=0,
         step=0,
@@ -255,48 +251,6 @@ def _further(
     return stages
 
 
-def _longer(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[Data]:
-    """The same recordings in longer windows, as far as there are enough; those of validation are as long as can be.
-
-    What friction and gravity do to a swing adds up over its periods, while the error of the first state does not: the
-    longer a rollout, the more it tells of the mechanism, once a model is good enough to follow it.
-
-    Returns:
-        Windows twice and four times as long.
-    """
-    found = []
-    for factor in _LONGER if config.lm_horizon is None else ():
-        horizon = factor * (data.train.ts.shape[1] - 1)
-        if 2 * horizon >= min(map(len, dataset.train)):  # As of shorter ones, two or more fill a recording.
-            break
-        blind = dataclasses.replace(dataset, validation=())
-        long = _data(blind, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
-        if long.train.ts.shape[0] < _FEWEST:
-            break
-        if dataset.validation:
-            steps = min(horizon, min(map(len, dataset.validation)) - 1)
-            long = long._replace(validation=Batch.of(windows(dataset.validation, steps, stride=steps), jnp.float64))
-        long = _free_starts(long, dataset)
-        found.append(long)
-    return found
-
-
-def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
-    """Split validation recordings off, the same as `fit` does.
-
-    Args:
-        dataset: Recordings.
-        config: Settings of training.
-
-    Returns:
-        The data set with its validation part.
-    """
-    if not config.validation:
-        return dataset
-    longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
-    return split_validation(dataset, config.validation, min_samples=longest + 1)
-
-
 def _optimizer(config: TrainingConfig) -> optax.GradientTransformation:
     """Adam with the settings' schedule."""
     return adam(
@@ -306,52 +260,3 @@ def _optimizer(config: TrainingConfig) -> optax.GradientTransformation:
         clip=config.clip,
         weight_decay=config.weight_decay,
     )
-
-
-def _adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
-    """Windows from every start point, in single precision."""
-    horizon = config.horizon or _horizon(dataset, _ADAM_HORIZON, _SHORTEST)
-    return _data(dataset, dynamics, config, horizon=horizon, stride=1, dtype=jnp.float32)
-
-
-def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
-    """Longer windows end to end, each sample being predicted once, in double precision."""
-    horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
-    return _free_starts(_data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64), dataset)
-
-
-def _free_starts(data: Data, dataset: Dataset) -> Data:
-    """Let windows start from estimated states where the sensors are noisy."""
-    noise = measure_noise(dataset.train)
-    if not noise.is_seen:
-        return data
-    is_angle = np.array(Space.parse(dataset.space).is_angle)
-    lengths, angles = noise.q[~is_angle], noise.q[is_angle]
-    channels = jnp.asarray(np.concatenate([lengths, angles, angles, noise.rates]), float)
-    return data._replace(
-        objective=eqx.tree_at(lambda o: o.noise, data.objective, channels, is_leaf=lambda x: x is None)
-    )
-
-
-def _data(
-    dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig, *, horizon: int, stride: int, dtype: DTypeLike
-) -> Data:
-    """Windows on the device, and the objective on them."""
-    train = Batch.of(windows(dataset.train, horizon, stride=stride), dtype)
-    validation = None
-    if dataset.validation:
-        validation = Batch.of(windows(dataset.validation, horizon, stride=stride), dtype)
-    channels = dynamics.space.embedded_size + dynamics.space.size
-    weights = channel_weights(train, dynamics) if config.scaled_loss else np.ones(channels)
-    solver = RK4(config.substeps, unroll=config.unroll)
-    objective = Objective(jnp.asarray(weights, dtype), solver, HOLDS[dataset.hold], unroll=config.unroll)
-    return Data(train, validation, objective)
-
-
-def _horizon(dataset: Dataset, share: float, least: int) -> int:
-    """Steps in a share of the motion's time scale; two windows or more fill the shortest recording."""
-    recordings = dataset.train + dataset.validation
-    step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in recordings])))
-    longest = min(len(recording) for recording in recordings) - 1
-    wanted = max(least, round(share * time_scale(dataset.train) / step))
-    return max(1, longest // max(1, min(2, longest // least), round(longest / wanted)))

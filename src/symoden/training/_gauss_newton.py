@@ -44,8 +44,9 @@ class NormalEquations(NamedTuple):
 
     @property
     def loss(self) -> float:
-        """Mean of r²."""
-        return float(np.mean(self.residuals**2))
+        """Mean of r²; not finite where a rollout diverges."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(np.mean(self.residuals**2))
 
     def pinned(self, direction: np.ndarray) -> "NormalEquations":
         """The same with what a relative change along a direction would be known to, as if it had been measured.
@@ -170,10 +171,11 @@ def normal_equations(
         r = residuals[start : start + chunk].ravel()
         J = np.asarray(_jacobian(rough_restore, rough_theta, rough_objective, rough_batch.take(index)))
         J = J[: len(r)].astype(float)
-        pulls = np.einsum("wrp,wr->wp", J.reshape(-1, rows, theta.size), r.reshape(-1, rows), optimize=True)
-        matrix += J.T @ J
-        spread += pulls.T @ pulls
-        gradient += pulls.sum(axis=0)
+        with np.errstate(over="ignore", invalid="ignore"):  # Callers see that the sums are not finite.
+            pulls = np.einsum("wrp,wr->wp", J.reshape(-1, rows, theta.size), r.reshape(-1, rows), optimize=True)
+            matrix += J.T @ J
+            spread += pulls.T @ pulls
+            gradient += pulls.sum(axis=0)
     count = residuals.size
     return NormalEquations(matrix / count, gradient / count, residuals, spread)
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
-import scipy.special
+import scipy.stats
 from jaxtyping import Array, Float
 
 from symoden.blocks import highest_rung
@@ -16,10 +16,10 @@ from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
 from ._config import TrainingConfig
-from ._fit import hold_out, levenberg_data
+from ._data import hold_out, levenberg_data
 from ._flatten import Flattening, cast
 from ._gauss_newton import normal_equations
-from ._level import expected_level
+from ._level import LEAST_WINDOWS, expected_level
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss, find_starts
 
@@ -55,8 +55,8 @@ class Laplace(AbstractPosterior):
     effective: float
 
     def quantile(self, level: float) -> float:
-        """The normal distribution's."""
-        return float(scipy.special.ndtri((1 + level) / 2))
+        """Student's, with a degree of freedom less than there are windows, which tell the variance."""
+        return float(scipy.stats.t.ppf((1 + level) / 2, self.windows - 1))
 
     def project(self, quantities: Quantities) -> Float[np.ndarray, "K P"]:
         """G F, where G is the Jacobian of the quantities."""
@@ -82,9 +82,10 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
 
     With J the Jacobian of the residuals r, H = JᵀJ / σ² + λ I is the posterior's precision where the residuals are
     independent (Laplace's approximation, Gauss-Newton's matrix). Those of one window are not, and models are never
-    quite right, so that the covariance is H⁻¹ (Σ_w s_w s_wᵀ + λ I) H⁻¹ with the windows' scores s_w = J_wᵀ r_w / σ²
-    (the sandwich of Huber and White, by windows). σ² is the larger of the mean squared residuals on the training and
-    on the validation data: a model that follows its training data more closely than others is not more certain.
+    quite right, so that the covariance is H⁻¹ (W/(W−1) Σ_w s_w s_wᵀ + λ I) H⁻¹ with the scores s_w = J_wᵀ r_w / σ² of
+    the W windows (the sandwich of Huber and White, by windows; at the optimum the scores sum to zero). σ² is the larger
+    of the mean squared residuals on the training and on the validation data: a model that follows its training data
+    more closely than others is not more certain.
 
     Priors that training has learned are left out: what they narrowed to nothing counts as open again, so that bands are
     rather too wide than too narrow where the data say little.
@@ -98,11 +99,12 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         The posterior of the parameters that training has set free.
 
     Raises:
-        ValueError: If there are none, or too many.
+        ValueError: If there are none, or too many; if there are too few windows.
 
     References:
-        White (1982), *Maximum likelihood estimation of misspecified models*; MacKay (1992), *A practical Bayesian
-        framework for backpropagation networks* (the number of effective parameters).
+        White (1982), *Maximum likelihood estimation of misspecified models*; Cameron & Miller (2015), *A practitioner's
+        guide to cluster-robust inference* (few windows); MacKay (1992), *A practical Bayesian framework for
+        backpropagation networks* (the number of effective parameters).
     """
     config = config or TrainingConfig()
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
@@ -115,6 +117,11 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
                 "Train a smaller one."
             )
         data = levenberg_data(hold_out(dataset, config), model, config)
+        if (windows := data.train.ts.shape[0]) < LEAST_WINDOWS:
+            raise ValueError(
+                f"Bands need {LEAST_WINDOWS} windows of training data or more, to tell how much these disagree; there "
+                f"{'is' if windows == 1 else 'are'} {windows}. Record longer."
+            )
         solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
         level = expected_level(restore, theta, data.objective, solver, data.train)
         objective = data.objective.refined(solver, level)
@@ -123,6 +130,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
     factor, effective = _sandwich(
         equations.matrix * equations.residuals.size,
         equations.spread,
+        windows=windows,
         variance=equations.loss,
         inflation=max(1.0, (elsewhere or 0.0) / max(equations.loss, np.finfo(float).tiny)),
         prior=max(config.prior, np.finfo(float).eps),
@@ -130,7 +138,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
     return Laplace(
         restore=restore,
         theta=np.asarray(theta, float),
-        windows=len(equations.residuals),
+        windows=windows,
         factor=factor,
         effective=effective,
     )
@@ -140,6 +148,7 @@ def _sandwich(
     squares: Float[np.ndarray, "P P"],
     spread: Float[np.ndarray, "P P"],
     *,
+    windows: int,
     variance: float,
     inflation: float,
     prior: float,
@@ -154,7 +163,7 @@ def _sandwich(
     """
     eigenvalues, basis = scipy.linalg.eigh(squares)
     known = np.maximum(eigenvalues, 0.0) / (inflation * variance)
-    scores = basis.T @ spread @ basis / (inflation * variance**2)
+    scores = basis.T @ spread @ basis / (inflation * variance**2) * windows / (windows - 1)
     values, vectors = scipy.linalg.eigh(scores)
     root = np.concatenate([vectors * np.sqrt(np.maximum(values, 0.0)), np.sqrt(prior) * np.eye(len(known))], axis=1)
     half = root / (known + prior)[:, None]

@@ -16,6 +16,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
 
 _MOST_TRUST = 1e3  # In a sensor, against the residuals.
+_RESTING = 1e-3  # Share of the largest change that one counts as at least.
 
 
 class Batch(NamedTuple):
@@ -156,4 +157,7 @@ def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:
     embedded = jax.vmap(jax.vmap(dynamics.space.embed))(batch.q)
     observed = np.asarray(jnp.concatenate([embedded, batch.rates], axis=-1))
     spread = np.sqrt(np.mean((observed[:, 1:] - observed[:, :1]) ** 2, axis=(0, 1)))
-    return 1 / np.maximum(spread, 1e-6 * max(float(spread.max()), 1e-300))
+    # What rests must not outweigh what moves: the flicker of an encoder, or nothing at all.
+    positions = dynamics.space.embedded_size
+    least = [np.full_like(part, _RESTING * part.max(initial=0.0)) for part in np.split(spread, [positions])]
+    return 1 / np.maximum(np.maximum(spread, np.concatenate(least)), 1e-300)

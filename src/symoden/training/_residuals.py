@@ -46,7 +46,6 @@ def map_windows(function: Callable[[Batch], PyTree], batch: Batch, *, chunk: int
     return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:total], results)
 
 
-@eqx.filter_jit
 def evaluate_residuals(
     dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512, iterations: int = _ITERATIONS
 ) -> Float[Array, "B k o"]:
@@ -62,11 +61,7 @@ def evaluate_residuals(
     Returns:
         The residuals of every window, from the starts that are found.
     """
-
-    def residuals(window: Batch) -> Float[Array, "k o"]:
-        return objective.residuals(dynamics, find_start(dynamics, objective, window, iterations=iterations))
-
-    return map_windows(residuals, batch, chunk=chunk)
+    return _evaluate(dynamics, objective, batch, jnp.asarray(iterations), chunk=chunk)[0]
 
 
 def evaluate_loss(
@@ -106,7 +101,6 @@ def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objec
         return float(np.mean((one - other) ** 2))
 
 
-@eqx.filter_jit
 def find_starts(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512) -> Batch:
     """Find where rollouts start best, for any number of windows.
 
@@ -121,8 +115,17 @@ def find_starts(dynamics: AbstractDynamics, objective: Objective, batch: Batch, 
     """
     if not objective.frees_starts:
         return batch
-    return batch._replace(
-        start=map_windows(
-            lambda window: find_start(dynamics, objective, window, iterations=_ITERATIONS).start, batch, chunk=chunk
-        )
-    )
+    return batch._replace(start=_evaluate(dynamics, objective, batch, jnp.asarray(_ITERATIONS), chunk=chunk)[1])
+
+
+@eqx.filter_jit
+def _evaluate(
+    dynamics: AbstractDynamics, objective: Objective, batch: Batch, iterations: Int[Array, ""], *, chunk: int
+) -> tuple[Float[Array, "B k o"], Float[Array, "B s"]]:
+    """Residuals of all windows and the starts that they are from: one compilation for all that asks for either."""
+
+    def one(window: Batch) -> tuple[Float[Array, "k o"], Float[Array, " s"]]:
+        found = find_start(dynamics, objective, window, iterations=iterations)
+        return objective.residuals(dynamics, found), found.start
+
+    return map_windows(one, batch, chunk=chunk)

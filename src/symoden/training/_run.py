@@ -39,32 +39,39 @@ class Progress(NamedTuple):
 
 
 class Stopwatch:
-    """Time spent on training, and the limit on it."""
+    """Time spent on training, that of earlier runs included, and the limit on this one."""
 
-    def __init__(self, spent: float, max_minutes: float | None) -> None:
+    def __init__(self, max_minutes: float | None) -> None:
         """Start it.
 
         Args:
-            spent: Time spent before [s].
-            max_minutes: Largest time, if any.
+            max_minutes: Largest time from now on, if any.
         """
-        self._started = time.monotonic() - spent
+        self.spent = 0.0  # In earlier runs [s].
+        self._started = time.monotonic()
         self._limit = max_minutes
 
     @property
     def seconds(self) -> float:
         """Time spent [s]."""
-        return time.monotonic() - self._started
+        return self.spent + time.monotonic() - self._started
 
     @property
     def is_over(self) -> bool:
         """Whether the time is up."""
-        return self._limit is not None and self.seconds >= 60 * self._limit
+        return self._limit is not None and time.monotonic() - self._started >= 60 * self._limit
 
-    @property
-    def outcome(self) -> str:
-        """How training ended when it is."""
-        return f"stopped at the time limit of {self._limit:g} minutes"
+    def outcome(self, left: Sequence[str]) -> str:
+        """How training ended when it is.
+
+        Args:
+            left: Names of the stages that have not ended.
+
+        Returns:
+            The outcome in words.
+        """
+        names = ", ".join(dict.fromkeys(left))
+        return f"stopped at the time limit of {self._limit:g} minutes, with {names} still to come (--resume goes on)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,9 +143,9 @@ def run(
     journal: Journal,
     *,
     resume: bool,
-    max_minutes: float | None,
+    watch: Stopwatch,
     progress: Callable[[Progress], None],
-) -> tuple[TrainingState, str, float]:
+) -> tuple[TrainingState, str]:
     """Go through the stages.
 
     Args:
@@ -146,18 +153,17 @@ def run(
         state: State before the first of them.
         journal: Where to keep it.
         resume: Start from the journal's checkpoint, if there is one.
-        max_minutes: Stop after this time.
+        watch: Tells when the time is over, and learns what was spent before.
         progress: Called after every stride.
 
     Returns:
-        The last state, how it ended in words, and the time spent [s].
+        The last state, and how it ended in words.
     """
-    spent, lines = 0.0, []
+    lines = []
     if resume:
-        state, lines, spent = journal.read(stages, state)
+        state, lines, watch.spent = journal.read(stages, state)
     elif stages:
         state = stages[0].start(state)
-    watch = Stopwatch(spent, max_minutes)
     outcome = "all steps taken"
     while state.stage < len(stages):
         stage = stages[state.stage]
@@ -171,8 +177,8 @@ def run(
         journal.write(state, lines, seconds=seconds)
         progress(now)
         if watch.is_over and state.stage < len(stages):
-            return state, watch.outcome, seconds
-    return state, outcome, watch.seconds
+            return state, watch.outcome([each.name for each in stages[state.stage :]])
+    return state, outcome
 
 
 def _next(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:

@@ -9,6 +9,9 @@ from symoden.known import KnownParts
 from symoden.models import KnownMagnitudes, Scales, known_magnitudes
 from symoden.spaces import Space
 
+_IDLE = 1e-3  # Share of the largest rate below which a coordinate rests.
+_MOST_FILLED = 10  # Samples in place of one where sampling is uneven.
+
 
 def measure_scales(
     trajectories: Sequence[Trajectory],
@@ -32,7 +35,7 @@ def measure_scales(
         known: Parts that are given, if any.
 
     Returns:
-        The scales; a coordinate or input that never moves has unit scale.
+        The scales; what never moves has unit scale, and what hardly does a thousandth of the fastest one's.
     """
     lengths = np.concatenate([trajectory.q for trajectory in trajectories])[:, space.lengths]
     circles = np.zeros(space.embedded_size - lengths.shape[1])
@@ -41,6 +44,7 @@ def measure_scales(
     time = time_scale(trajectories)
     us = np.concatenate([trajectory.us for trajectory in trajectories])
     velocity = _rms(slopes if momenta else rates)
+    velocity = np.maximum(velocity, _IDLE * velocity.max(initial=0.0))  # The flicker of an encoder is no motion.
     inputs = _rms(us)
     given = KnownMagnitudes(None, None)
     if known is not None:
@@ -84,28 +88,54 @@ def states(trajectories: Sequence[Trajectory], *, momenta: bool) -> tuple[np.nda
 def time_scale(trajectories: Sequence[Trajectory]) -> float:
     """Time in which rates change by about their own size [s]: twice the lag after which they have changed by half.
 
-    For a sine of angular frequency ω it is 1/ω. Differences over a lag, unlike derivatives, hardly feel noise.
+    For a sine of angular frequency ω it is 1/ω, and so it is of one about a mean, such as the ripple of a wheel that
+    keeps turning. Differences over a lag, unlike derivatives, hardly feel noise.
 
     Args:
         trajectories: Recordings.
 
     Returns:
-        Median of the coordinates' time scales; the longest lag where rates change less.
+        Median of the time scales of the coordinates that move; the longest lag where rates change less.
     """
-    step = float(np.median(np.concatenate([np.diff(trajectory.ts) for trajectory in trajectories])))
-    half = 0.5 * np.sqrt(np.mean(np.concatenate([trajectory.rates for trajectory in trajectories]) ** 2, axis=0))
-    longest = max(len(trajectory) for trajectory in trajectories) - 1
-    previous = np.zeros_like(half)
+    step, recordings = _evenly(trajectories)
+    size = np.std(np.concatenate(recordings), axis=0)
+    moving = size > _IDLE * size.max(initial=0.0)
+    half = 0.5 * size[moving]
+    longest = max(map(len, recordings)) - 1
+    previous, before = np.zeros_like(half), 0
     lags = np.full(half.shape, float(longest))
-    for lag in range(1, longest + 1):
-        changes = [trajectory.rates[lag:] - trajectory.rates[:-lag] for trajectory in trajectories]
+    for lag in _lags(longest):
+        changes = [rates[lag:, moving] - rates[:-lag, moving] for rates in recordings]
         change = np.sqrt(np.mean(np.concatenate(changes) ** 2, axis=0))
         crossing = (previous < half) & (change >= half) & (lags == longest)
-        lags[crossing] = lag - 1 + ((half - previous) / np.maximum(change - previous, 1e-300))[crossing]
-        previous = np.maximum(previous, change)
+        share = (half - previous) / np.maximum(change - previous, 1e-300)
+        lags[crossing] = (before + (lag - before) * share)[crossing]
+        previous, before = np.maximum(previous, change), lag
         if np.all(change >= half):
             break
-    return 2 * step * float(np.median(lags))
+    return 2 * step * float(np.median(lags)) if lags.size else 2 * step * longest
+
+
+def _evenly(trajectories: Sequence[Trajectory]) -> tuple[float, list[np.ndarray]]:
+    """The usual sampling interval [s], and the rates of every recording at such intervals."""
+    steps = np.concatenate([np.diff(trajectory.ts) for trajectory in trajectories])
+    step = max(float(np.median(steps)), float(np.mean(steps)) / _MOST_FILLED)
+    found = []
+    for trajectory in trajectories:
+        rates = trajectory.rates
+        if np.abs(np.diff(trajectory.ts) - step).max() > step / 2:
+            ts = np.arange(trajectory.ts[0], trajectory.ts[-1], step)
+            rates = np.stack([np.interp(ts, trajectory.ts, column) for column in rates.T], axis=1)
+        found.append(rates)
+    return step, found
+
+
+def _lags(longest: int) -> list[int]:
+    """Every small lag, and larger ones a twentieth apart."""
+    lags = [1]
+    while lags[-1] < longest:
+        lags.append(min(longest, max(lags[-1] + 1, round(lags[-1] * 1.05))))
+    return lags
 
 
 def _rms(samples: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from symoden.mechanics import AbstractDynamics
 
@@ -12,7 +12,9 @@ from ._objective import Batch, Objective
 _RIDGE = 1e-12
 
 
-def find_start(dynamics: AbstractDynamics, objective: Objective, window: Batch, *, iterations: int = 1) -> Batch:
+def find_start(
+    dynamics: AbstractDynamics, objective: Objective, window: Batch, *, iterations: int | Int[Array, ""] = 1
+) -> Batch:
     """Find the start from which the rollout of one window fits best, by Gauss-Newton from the start at hand.
 
     Starts are off by the sensors' noise only, over which a rollout is nearly linear: few iterations do.
@@ -21,7 +23,7 @@ def find_start(dynamics: AbstractDynamics, objective: Objective, window: Batch, 
         dynamics: Model.
         objective: How rollouts are compared with windows.
         window: One window.
-        iterations: Number of Gauss-Newton's steps.
+        iterations: Number of Gauss-Newton's steps; an array needs no new compilation when it changes.
 
     Returns:
         The window with that start; as it is where starts are not free, or no step is a gain.
@@ -29,16 +31,16 @@ def find_start(dynamics: AbstractDynamics, objective: Objective, window: Batch, 
     if not objective.frees_starts:
         return window
 
-    def improved(start: Float[Array, " s"], _: None) -> tuple[Float[Array, " s"], None]:
+    def improved(_: Int[Array, ""], start: Float[Array, " s"]) -> Float[Array, " s"]:
         r, J = _linearize(dynamics, objective, window._replace(start=start))
         squares = J.T @ J
         ridge = _RIDGE * jnp.trace(squares) * jnp.eye(start.shape[0], dtype=start.dtype)
         trial = start - jnp.linalg.solve(squares + ridge, J.T @ r)
         after = objective.residuals(dynamics, window._replace(start=trial))
         # Not so where a rollout diverges: NaN compares as no gain.
-        return jnp.where(jnp.sum(after**2) < jnp.sum(r**2), trial, start), None
+        return jnp.where(jnp.sum(after**2) < jnp.sum(r**2), trial, start)
 
-    return window._replace(start=jax.lax.scan(improved, window.start, None, length=iterations)[0])
+    return window._replace(start=jax.lax.fori_loop(0, iterations, improved, window.start))
 
 
 def without_starts(

@@ -1,0 +1,185 @@
+"""What each stage trains on: windows of the recordings, how long they are, and how rollouts are compared with them."""
+
+import dataclasses
+import warnings
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import DTypeLike
+
+from symoden.data import Dataset, DataWarning, Trajectory, measure_noise, split_validation, windows
+from symoden.integrate import HOLDS, RK4
+from symoden.mechanics import AbstractDynamics
+from symoden.spaces import Space
+
+from ._config import TrainingConfig
+from ._objective import Batch, Objective, channel_weights
+from ._scales import time_scale
+from ._stages import Data
+
+_ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
+_LM_HORIZON = 2.0
+_SHORTEST = 3
+_LONGER = (2, 4)  # Times as long as Levenberg-Marquardt's windows.
+_FEWEST = 20  # Of them, or they stay as they are.
+_MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
+_MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
+_MOST_UNROLLED = 10  # Steps: compiling takes 6 s for each.
+_NAMED = 3
+
+
+def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
+    """Split validation recordings off, the same as `fit` does.
+
+    Args:
+        dataset: Recordings.
+        config: Settings of training.
+
+    Returns:
+        The data set with its validation part.
+    """
+    if not config.validation:
+        return dataset
+    longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
+    return split_validation(dataset, config.validation, min_samples=longest + 1)
+
+
+def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
+    """Cut windows at every start point, or at as many as memory is well spent on, in single precision.
+
+    Args:
+        dataset: Recordings.
+        dynamics: Model, for its space.
+        config: Settings of training.
+
+    Returns:
+        The windows.
+    """
+    horizon = config.horizon or _horizon(dataset, _ADAM_HORIZON, _SHORTEST)
+    stride = max(1, sum(map(len, dataset.train)) * (horizon + 1) // _MOST_SAMPLES)
+    return _data(dataset, dynamics, config, horizon=horizon, stride=stride, dtype=jnp.float32)
+
+
+def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
+    """Cut longer windows end to end, each sample being predicted once, in double precision.
+
+    Args:
+        dataset: Recordings.
+        dynamics: Model, for its space.
+        config: Settings of training.
+
+    Returns:
+        The windows, and the sensors' noise at their starts.
+    """
+    horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
+    return _free_starts(_data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64), dataset)
+
+
+def _free_starts(data: Data, dataset: Dataset) -> Data:
+    """Let windows start from estimated states where the sensors are noisy."""
+    noise = measure_noise(dataset.train)
+    if not noise.is_seen:
+        return data
+    is_angle = np.array(Space.parse(dataset.space).is_angle)
+    lengths, angles = noise.q[~is_angle], noise.q[is_angle]
+    channels = jnp.asarray(np.concatenate([lengths, angles, angles, noise.rates]), float)
+    return data._replace(
+        objective=eqx.tree_at(lambda o: o.noise, data.objective, channels, is_leaf=lambda x: x is None)
+    )
+
+
+def _data(
+    dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig, *, horizon: int, stride: int, dtype: DTypeLike
+) -> Data:
+    """Windows on the device, and the objective on them."""
+    train = _cut(dataset.train, horizon, stride=stride, dtype=dtype)
+    validation = _cut(dataset.validation, horizon, stride=stride, dtype=dtype) if dataset.validation else None
+    channels = dynamics.space.embedded_size + dynamics.space.size
+    weights = channel_weights(train, dynamics) if config.scaled_loss else np.ones(channels)
+    unroll = config.unroll and horizon <= _MOST_UNROLLED
+    solver = RK4(config.substeps, unroll=unroll)
+    objective = Objective(jnp.asarray(weights, dtype), solver, HOLDS[dataset.hold], unroll=unroll)
+    return Data(train, validation, objective)
+
+
+def _horizon(dataset: Dataset, share: float, least: int) -> int:
+    """Steps in a share of the motion's time scale; two windows or more fill a recording, but for a few short ones."""
+    recordings = dataset.train + dataset.validation
+    step = float(np.mean(np.concatenate([np.diff(recording.ts) for recording in recordings])))
+    wanted = max(least, round(share * time_scale(dataset.train) / step))
+    parts = [part for part in (dataset.train, dataset.validation) if part]
+    longest = min(_usual_steps(part, 2 * wanted) for part in parts)
+    return max(1, longest // max(1, min(2, longest // least), round(longest / wanted)))
+
+
+def _usual_steps(recordings: Sequence[Trajectory], enough: int) -> int:
+    """Steps of the shortest recording, but for short ones that hold few of the samples: these are left out.
+
+    Args:
+        recordings: Recordings.
+        enough: Steps that are not short.
+
+    Returns:
+        Number of steps.
+    """
+    steps = np.sort([len(recording) - 1 for recording in recordings])
+    held = np.cumsum(steps[::-1])[::-1] >= _MOST * steps.sum()  # By recordings that are as long, or longer.
+    return int(steps[steps >= min(enough, steps[held].max())].min())
+
+
+def name_short(dataset: Dataset, data: Data) -> None:
+    """Warn of recordings that no window fits into.
+
+    Args:
+        dataset: Recordings.
+        data: Windows of them.
+
+    Warns:
+        DataWarning: If there are such.
+    """
+    samples = data.train.ts.shape[1]
+    short = [recording.name for recording in dataset.train + dataset.validation if len(recording) < samples]
+    if short:
+        names = ", ".join(f"`{name}`" for name in short[:_NAMED]) + (", …" if len(short) > _NAMED else "")
+        message = f"{len(short)} of the recordings ({names}) are shorter than a window of {samples} samples: left out"
+        warnings.warn(message, DataWarning, stacklevel=2)
+
+
+def _cut(recordings: Sequence[Trajectory], horizon: int, *, stride: int, dtype: DTypeLike) -> Batch:
+    """Windows of the recordings that are long enough."""
+    long = [recording for recording in recordings if len(recording) > horizon]
+    return Batch.of(windows(long or recordings, horizon, stride=stride), dtype)
+
+
+def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[Data]:
+    """Cut longer windows still, as far as there are enough; those of validation are as long as can be.
+
+    What friction and gravity do to a swing adds up over its periods, while the error of the first state does not: the
+    longer a rollout, the more it tells of the mechanism, once a model is good enough to follow it.
+
+    Args:
+        dataset: Recordings.
+        dynamics: Model, for its space.
+        data: The windows so far.
+        config: Settings of training.
+
+    Returns:
+        Windows twice and four times as long.
+    """
+    found = []
+    for factor in _LONGER if config.lm_horizon is None else ():
+        horizon = factor * (data.train.ts.shape[1] - 1)
+        if 2 * horizon > _usual_steps(dataset.train, 2 * horizon):  # As of shorter ones, two or more fill a recording.
+            break
+        blind = dataclasses.replace(dataset, validation=())
+        long = _data(blind, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
+        if long.train.ts.shape[0] < _FEWEST:
+            break
+        if dataset.validation:
+            steps = min(horizon, _usual_steps(dataset.validation, horizon))
+            long = long._replace(validation=_cut(dataset.validation, steps, stride=steps, dtype=jnp.float64))
+        long = _free_starts(long, dataset)
+        found.append(long)
+    return found

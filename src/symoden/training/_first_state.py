@@ -1,0 +1,77 @@
+"""The first state of a recording, found with a model from several of its samples."""
+
+from typing import Final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from symoden.data import SensorNoise, Trajectory, measure_noise, windows
+from symoden.integrate import AbstractSolver, Hold
+from symoden.mechanics import AbstractDynamics
+from symoden.shapes import Scalar
+
+from ._objective import Batch, Objective
+from ._starts import find_start
+
+_ROUNDS: Final = 4  # A free start hides the model's error from the first.
+_ITERATIONS: Final = 5
+_FINEST: Final = 1e-3  # Of a channel's spread: no model is as good as better sensors are.
+
+
+def find_first_state(
+    dynamics: AbstractDynamics, recording: Trajectory, *, hold: Hold, solver: AbstractSolver
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Find the state from which the rollout over a recording's `initial_samples` fits them best.
+
+    Least squares, every channel in units of its sensor's noise, by Gauss-Newton from the measured state. Beside a model
+    that leaves open more than the noise, the first measurement counts for more than the others.
+
+    Args:
+        dynamics: Model.
+        recording: A recording; its noise is measured along all of it, its first state found from the `initial_samples`.
+        hold: How inputs act between samples.
+        solver: Advances the state between samples.
+
+    Returns:
+        Coordinates and rates; as measured where there is one initial sample, no noise is seen, or the rollout diverges.
+    """
+    if recording.initial_samples == 1 or not (noise := measure_noise([recording])).is_seen:
+        return recording.q[0], recording.rates[0]
+    weights, sensors = _channels(recording, noise, np.array(dynamics.space.is_angle))
+    objective = Objective(jnp.asarray(weights), solver, hold, noise=jnp.asarray(sensors), level=jnp.asarray(1.0))
+    batch = Batch.of(windows([recording], recording.initial_samples - 1, stride=len(recording)))
+    window = jax.tree.map(lambda x: x[0], batch)
+    q, rates = np.split(np.asarray(_found(dynamics, objective, window), float), 2)
+    return q, rates
+
+
+def _channels(
+    recording: Trajectory, noise: SensorNoise, is_angle: Bool[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " o"], Float[np.ndarray, " o"]]:
+    """Weight of every observed channel, and the noise of its sensor."""
+    sensors = np.concatenate([noise.q, noise.rates])
+    spread = np.std(np.concatenate([recording.q, recording.rates], axis=1), axis=0)
+    finest = _FINEST * np.maximum(spread, _FINEST * spread.max())
+    lengths, angles = np.flatnonzero(~is_angle), np.flatnonzero(is_angle)
+    finest[angles] = np.minimum(finest[angles], _FINEST)  # They are seen on the unit circle.
+    order = np.concatenate([lengths, angles, angles, len(is_angle) + np.arange(len(is_angle))])  # As embedded.
+    return 1 / np.maximum(sensors, finest)[order], sensors[order]
+
+
+@eqx.filter_jit
+def _found(dynamics: AbstractDynamics, objective: Objective, window: Batch) -> Float[Array, " s"]:
+    """The start of a window, first as if noise alone made the residuals, then with the level that these have."""
+
+    def closer(_: Int[Array, ""], pair: tuple[Float[Array, " s"], Scalar]) -> tuple[Float[Array, " s"], Scalar]:
+        start, level = pair
+        held = eqx.tree_at(lambda o: o.level, objective, level)
+        found = find_start(dynamics, held, window._replace(start=start), iterations=_ITERATIONS)
+        r = held.residuals(dynamics, found)[1:]  # The start's own is weighted by the level.
+        # What noise does not explain is the model's error, which is alike in all samples: their mean has as much of it.
+        excess = jnp.maximum(jnp.sum(r**2) / (len(r) * len(start)) - 1, 0)
+        return found.start, jnp.sqrt(1 + (len(r) + 1) * excess)
+
+    return jax.lax.fori_loop(0, _ROUNDS, closer, (window.start, jnp.ones(())))[0]
