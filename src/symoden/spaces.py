@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from .shapes import Coordinates, Embedding
+from .shapes import Coordinates, Embedding, vector
 
 _FACTOR = re.compile(r"([RT])([1-9][0-9]?)")
 _LARGEST = 64
@@ -101,10 +101,14 @@ class Space(eqx.Module):
         Returns:
             Embedded coordinates.
 
+        Raises:
+            ValueError: If there is not one number per coordinate.
+
         Example:
             >>> Space.parse("T1 R1").embed(jnp.array([0.0, 3.0])).tolist()
             [3.0, 1.0, 0.0]
         """
+        q = vector(q, self.size, "`q`", f"coordinate of {self}")
         angles = q[self.angles]
         return jnp.concatenate([q[self.lengths], jnp.cos(angles), jnp.sin(angles)])
 

@@ -1,6 +1,7 @@
 """Rollouts under sampled inputs, against SciPy."""
 
 import dataclasses
+import inspect
 from typing import final
 
 import diffrax
@@ -167,3 +168,43 @@ def test_single_precision_in_is_single_precision_out(name):
     path = simulate(system, q0, v0, ts, us, solver, linear_hold)
     assert {part.dtype for part in path} == {np.dtype(np.float32)}
     assert np.isfinite(path.q).all()
+
+
+# What a rollout is given
+
+PLAIN = inspect.unwrap(rollout)  # as users have it, without the check of types that tests add
+LINE = jnp.linspace(0.0, 1.0, 5)
+
+
+def test_lists_are_as_good_as_arrays():
+    us = [[1.0], [0.5], [0.0], [2.0], [0.0]]
+    path = PLAIN(Pendulum(), [1], [0], [0.0, 0.25, 0.5, 0.75, 1.0], us)
+    assert np.array_equal(path.q, rollout(Pendulum(), jnp.ones(1), jnp.zeros(1), LINE, jnp.array(us)).q)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"q0": jnp.zeros(2)}, r"`q0` must have the shape \(1,\), one number per coordinate of T1; got \(2,\)"),
+        ({"rates0": jnp.zeros((1, 1))}, r"`rates0` must have the shape \(1,\), .*; got \(1, 1\).*`jax.vmap`"),
+        ({"ts": LINE[None]}, r"`ts` must be the times of one rollout, .*; got shape \(1, 5\)"),
+        ({"ts": jnp.zeros(0)}, r"`ts` must be .* T at least 1; got shape \(0,\)"),
+        ({"us": jnp.zeros((4, 1))}, r"`us` must have the shape \(5, 1\), .*; got \(4, 1\).*repeat the last row"),
+        ({"us": jnp.zeros(5)}, r"`us` must have the shape \(5, 1\), .*; got \(5,\)"),
+        ({"us": None}, r"`us` must be an array of numbers; got None"),
+        ({"ts": LINE[::-1]}, r"`ts` must increase; got 0.75 after 1.0 at index 1"),
+        ({"ts": LINE.at[3].set(LINE[2])}, r"`ts` must increase; got 0.5 after 0.5 at index 3"),
+        ({"ts": LINE.at[3].set(jnp.nan)}, r"`ts` must increase; got nan after 0.5 at index 3"),
+    ],
+)
+def test_a_rollout_says_what_is_wrong_with_its_samples(wrong, message):
+    fit = {"q0": jnp.zeros(1), "rates0": jnp.zeros(1), "ts": LINE, "us": jnp.zeros((5, 1))}
+    with pytest.raises(ValueError, match=message):
+        PLAIN(Pendulum(), **(fit | wrong))
+
+
+def test_shapes_are_checked_while_jax_traces_but_the_order_of_times_is_not():
+    traced = jax.jit(lambda ts, us: PLAIN(Pendulum(), jnp.zeros(1), jnp.zeros(1), ts, us).q)
+    assert traced(LINE[::-1], jnp.zeros((5, 1))).shape == (5, 1)
+    with pytest.raises(ValueError, match="`us` must have the shape"):
+        traced(LINE, jnp.zeros((4, 1)))

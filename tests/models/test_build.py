@@ -220,3 +220,11 @@ def test_the_inertia_of_an_unstructured_model_of_momenta_is_read_off_its_energy(
     q = jnp.array([0.3, 0.4])
     hessian = jax.hessian(lambda p: model.hamiltonian(q, p))(jnp.zeros(2))
     assert np.asarray(model.inverse_mass_matrix(q)) == pytest.approx(np.asarray(hessian), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["joint", "unstructured"])
+def test_a_configuration_of_another_size_is_refused(name, small_model):
+    model = small_model(name)  # on T1 R1
+    for wrong in (jnp.array([0.3]), jnp.zeros(3)):
+        with pytest.raises(ValueError, match=r"`q` must have the shape \(2,\), one number per coordinate of T1 R1"):
+            model.mass_matrix(wrong)

@@ -61,3 +61,10 @@ def test_momentum_data_have_no_velocities_to_embed():
     model: Any = build(ModelConfig(), Space.parse("T1"), 1, momenta=True, key=jax.random.key(0))
     with pytest.raises(ValueError, match="rates are momenta"):
         embedded_vector_field(model, jnp.ones(3), jnp.ones(1))
+
+
+def test_an_embedded_state_of_another_length_is_refused():
+    with pytest.raises(ValueError, match=r"`state` must have the shape \(3,\).* on T1; got \(2,\)"):
+        embedded_vector_field(Pendulum(), jnp.ones(2), jnp.ones(1))
+    with pytest.raises(ValueError, match=r"`u` must have the shape \(1,\), one number per input; got \(2,\)"):
+        embedded_vector_field(Pendulum(), jnp.ones(3), jnp.ones(2))

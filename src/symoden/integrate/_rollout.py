@@ -5,10 +5,12 @@ from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractDynamics
-from symoden.shapes import Coordinates, Rates, Times
+from symoden.shapes import Coordinates, Rates, Times, floats, vector
 
 from ._solvers import RK4, AbstractSolver
 
@@ -78,13 +80,16 @@ def rollout(
         q0: Coordinates at the first sample.
         rates0: Velocities or momenta there, as `dynamics.momenta` says.
         ts: Times of the samples [s], increasing; the intervals may differ.
-        us: Inputs at the samples.
+        us: Inputs at the samples, one row per time; without inputs, no columns.
         solver: What advances the state from sample to sample; one RK4 step if absent.
         hold: How an input acts between samples: `zero_hold` or `linear_hold`.
         unroll: Write the samples out instead of looping over them: slower to compile, faster for large networks.
 
     Returns:
         The trajectory at the samples, the first one included.
+
+    Raises:
+        ValueError: If a shape is wrong, or the times do not increase (which is not looked at while JAX traces them).
 
     Example:
         >>> from symoden.systems import Pendulum
@@ -93,6 +98,11 @@ def rollout(
         >>> path.q.shape
         (21, 1)
     """
+    q0, rates0 = (
+        vector(each, dynamics.space.size, f"`rollout`: `{name}`", f"coordinate of {dynamics.space}")
+        for name, each in (("q0", q0), ("rates0", rates0))
+    )
+    ts, us = _checked_samples(ts, us, dynamics.inputs)
     advance = RK4() if solver is None else solver
 
     def step(state: Float[Array, " s"], sample: tuple) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
@@ -104,3 +114,28 @@ def rollout(
     states = jnp.concatenate([start[None], later])
     q, rates = jax.vmap(dynamics.decode)(states)
     return Rollout(states=states, q=q, rates=rates, observations=jax.vmap(dynamics.observe)(states))
+
+
+def _checked_samples(ts: object, us: object, inputs: int) -> tuple[jax.Array, jax.Array]:
+    """Times that increase, and as many inputs."""
+    times, driven = floats(ts, "`rollout`: `ts`"), floats(us, "`rollout`: `us`")
+    if times.ndim != 1 or not times.size:
+        raise ValueError(
+            f"`rollout`: `ts` must be the times of one rollout, (T,) with T at least 1; got shape {times.shape}. "
+            "`jax.vmap` takes many rollouts."
+        )
+    if driven.shape != (times.size, inputs):
+        raise ValueError(
+            f"`rollout`: `us` must have the shape ({times.size}, {inputs}), a row per time of `ts` and a column per "
+            f"input; got {driven.shape}. If the inputs of the T − 1 intervals are known, repeat the last row: under "
+            "`zero_hold` it never acts."
+        )
+    if not isinstance(times, Tracer):
+        late = np.flatnonzero(~(np.diff(times) > 0))
+        if late.size:
+            k = int(late[0])
+            raise ValueError(
+                f"`rollout`: `ts` must increase; got {float(times[k + 1])} after {float(times[k])} at index {k + 1}. "
+                "Sort the samples by time, and keep one of each."
+            )
+    return times, driven

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 
 from symoden.mechanics import AbstractPortHamiltonian
-from symoden.shapes import Embedding, Inputs, Momenta, Observation, Scalar, SquareMatrix
+from symoden.shapes import Embedding, Inputs, Momenta, Observation, Scalar, SquareMatrix, vector
 
 
 def embedded_vector_field(system: AbstractPortHamiltonian, state: Observation, u: Inputs) -> Observation:
@@ -27,7 +27,7 @@ def embedded_vector_field(system: AbstractPortHamiltonian, state: Observation, u
         Time derivative of `state`.
 
     Raises:
-        ValueError: If the rates of `system` are momenta.
+        ValueError: If the rates of `system` are momenta, or a shape is wrong.
 
     References:
         Zhong, Dey & Chakraborty (2020), *Dissipative SymODEN*, section 3; (2020) *Symplectic ODE-Net*, section 3, where
@@ -42,6 +42,11 @@ def embedded_vector_field(system: AbstractPortHamiltonian, state: Observation, u
     if system.momenta:
         raise ValueError("The embedded state holds velocities; got a system whose rates are momenta.")
     space = system.space
+    name = "`embedded_vector_field`"
+    state = vector(
+        state, space.embedded_size + space.size, f"{name}: `state`", f"entry of (r, cos φ, sin φ, q̇) on {space}"
+    )
+    u = vector(u, system.inputs, f"{name}: `u`", "input")
     z, v = jnp.split(state, [space.embedded_size])
     cosines, sines = jnp.split(z[len(space.lengths) :], 2)
 
