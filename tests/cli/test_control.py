@@ -108,7 +108,8 @@ def test_what_does_not_suit_is_one_message(near_pendulum, capsys, words, message
 
 def test_a_data_set_needs_a_named_machine(arm_run, capsys):
     assert main(["control", str(arm_run)]) == 2
-    assert "Name one by `--env`" in capsys.readouterr().err
+    assert "`symoden.design(" in (refusal := capsys.readouterr().err)
+    assert "`--env` names a simulated machine" in refusal
 
 
 def test_every_task_has_its_machine():

@@ -89,7 +89,7 @@ class Evaluate:
 
     On a task: the sum of squared errors over each trajectory's samples and observed channels, mean and standard
     deviation over trajectories. On a data set: position RMSE over windows of 1 s started every 0.25 s, and of one
-    rollout from the start of the whole recording, in the data's units.
+    rollout from the start of the whole recording, in rad and m.
 
     Attributes:
         run: Folder of the run.

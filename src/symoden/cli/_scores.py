@@ -16,6 +16,7 @@ from symoden.experiments import (
     score_task,
 )
 from symoden.mechanics import AbstractDynamics
+from symoden.spaces import Space
 
 from ._output import TableText, number, print_table
 
@@ -54,7 +55,7 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> tup
     solver = evaluation_solver(config)
     if source.task is None:
         recordings = score_recordings(model, source.dataset, solver=solver)
-        return {"recordings": [asdict(recording) for recording in recordings]}, _recordings(recordings)
+        return {"recordings": [asdict(recording) for recording in recordings]}, _recordings(recordings, model.space)
     score = score_task(model, source, solver=solver)
     errors = {f"{name}_error": getattr(score, name)._asdict() for name in _ERRORS}
     described = {"task": source.task.name, "model": config.model.kind, "parameters": count_parameters(model)}
@@ -71,10 +72,11 @@ def _errors(score: TaskScore, task: Task, kind: str) -> TableText:
     )
 
 
-def _recordings(recordings: Sequence[RecordingScore]) -> TableText:
+def _recordings(recordings: Sequence[RecordingScore], space: Space) -> TableText:
     """Errors of every recording."""
+    units = [unit for unit, columns in (("m", space.lengths), ("rad", space.angles)) if len(columns)]
     return TableText(
-        "position RMSE, in the data's units: over windows of 1 s, and of one rollout over the whole recording",
+        f"position RMSE [{', '.join(units)}]: over windows of 1 s, and of one rollout over the whole recording",
         ("recording", "split", "samples", "1 s median", "1 s mean", "whole"),
         [(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.rollout_rmse) for r in recordings],
     )

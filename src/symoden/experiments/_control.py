@@ -154,8 +154,9 @@ def machine_of(source: str, env: str | None) -> Machine:
     if source == _HANGING.name:
         return _HANGING
     raise ValueError(
-        f"The run was trained on `{source}`, whose machine cannot be simulated. Name one by `--env`: "
-        f"{', '.join(MACHINES)}."
+        f"The run was trained on `{source}`, and there is no simulation of that machine to try a controller on. In "
+        'Python `symoden.design(symoden.load("RUN/model.safetensors"), target)` makes one for your own loop; `--env` '
+        f"names a simulated machine if the logs are of one: {', '.join(MACHINES)}."
     )
 
 
