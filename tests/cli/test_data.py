@@ -47,7 +47,7 @@ def test_what_is_wrong_is_named_with_what_to_do(described, capsys):
     damage(described.parent / "b.csv", q=np.degrees, t=swapped)
     assert main(["data", "check", str(described)]) == 0
     findings = capsys.readouterr().out.partition("Findings\n")[2].splitlines()
-    assert findings[0].startswith("- refused in b: 1 time stamp does not increase (1 goes back), first at line 23 (row 21)")
+    assert findings[0].startswith("- refused in b: 1 time stamp does not increase (1 goes back), first at line 23")
     assert findings[2].startswith("- warning in a (and 1 more: b): the derivative of `q` is")
     assert findings[3] == '  Write `units = {q = "deg"}` into the description.'
     assert findings[4].startswith("- masked in a: `u` lacks 12 of 80 numbers")

@@ -21,6 +21,18 @@ status = main(sys.argv[1:])
 print([name for name in {heavy} if name in sys.modules])
 sys.exit(status)
 """
+LONG = """
+import sys
+import symoden.cli._simulate
+from symoden.cli import main
+
+def run(command):
+    for line in range(100_000):
+        print(line)
+
+symoden.cli._simulate.run = run
+sys.exit(main(sys.argv[1:]))
+"""
 
 
 def failing(monkeypatch, command, error):
@@ -109,6 +121,23 @@ def test_debug_shows_the_traceback(monkeypatch):
     failing(monkeypatch, "simulate", KeyError("q"))
     with pytest.raises(KeyError):
         main(["simulate", "pendulum", "--out", "a.npz", "--debug"])
+
+
+def test_a_reader_that_ends_ends_the_command_quietly(tmp_path):
+    program = [sys.executable, "-c", LONG, "simulate", "pendulum", "--out", str(tmp_path / "a.npz")]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == "0\n"
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 141
+
+
+def test_a_broken_pipe_to_another_process_is_a_failure(monkeypatch, capsys):
+    failing(monkeypatch, "simulate", BrokenPipeError(32, "Broken pipe"))
+    assert main(["simulate", "pendulum", "--out", "a.npz"]) == 1
+    assert capsys.readouterr().err == "error: [Errno 32] Broken pipe\n"
 
 
 def test_an_interrupted_training_says_how_to_continue(monkeypatch, capsys):

@@ -191,10 +191,10 @@ def test_times_out_of_order_are_refused_and_still_examined(tmp_path):
     check = check_dataset(path)
     assert check.refused
     assert (
-        "2 time stamps do not increase (1 go back, 1 stand still), first at row 501"
+        "2 time stamps do not increase (1 goes back, 1 stands still), first at line 503 (row 501)"
         in check.recordings[0].findings[0].text
     )
-    with pytest.raises(DataError, match=r"row 501: times must increase; .* \(2 such rows\)"):
+    with pytest.raises(DataError, match=r"line 503 \(row 501\): times must increase; .* \(2 such rows\)"):
         read_dataset(path)
 
 
@@ -207,6 +207,18 @@ def test_missing_numbers_and_gaps_are_masked(tmp_path):
     (check,) = check_dataset(path).recordings
     assert (check.missing, len(check.gaps), check.recordings) == (101, 2, 3)
     assert check.gaps[0] == pytest.approx((log[499, 0], log[600, 0]))
+
+
+def test_a_file_that_ends_in_the_middle_of_a_line_has_one_finding(tmp_path):
+    log = arm(samples=500)
+    log[300, 4] = np.nan
+    path = written(tmp_path, log)
+    text = (tmp_path / "run0.csv").read_text()
+    (tmp_path / "run0.csv").write_text(text[: text.rindex("\n", 0, -1) + 5])
+    assert found(path) == [("missing", "masked", ""), ("missing", "masked", "v2")]
+    unfinished, other = check_dataset(path).recordings[0].findings[:2]
+    assert unfinished.text == "the file ends in the middle of a line, line 501 (row 499)"
+    assert "`v2` lacks 1 of 500 numbers, in 1 stretch, first at line 302 (row 300)" in other.text
 
 
 def test_a_cut_off_input_and_a_rounded_difference_are_facts(tmp_path):

@@ -110,7 +110,7 @@ def test_the_order_of_times_is_refused_across_missing_ones(tmp_path):
     rows = swing()
     rows[100, 0] = np.nan
     rows[101, 0] = rows[99, 0]
-    with pytest.raises(DataError, match=r"column `t`, row 101: times must increase; got .* \(1 such row\)"):
+    with pytest.raises(DataError, match=r"column `t`, line 103 \(row 101\): times must .* \(1 such row\)"):
         read_dataset(written(tmp_path, rows))
 
 

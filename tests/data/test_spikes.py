@@ -122,6 +122,15 @@ def test_a_rate_that_the_positions_confirm_is_none():
     assert rows_of(find_spikes(log(q, v, ts), np.array([True])), "v") == [80]
 
 
+@given(seed=st.integers(0, 500), wrapped=st.booleans(), glitch=st.integers(10, SIZE - 10))
+def test_degrees_taken_for_rad_have_only_the_spikes_that_they_have(seed, wrapped, glitch):
+    ts, q, v = swing(seed, noise=1e-4)
+    q = np.degrees(q)
+    q[glitch] += 25.0
+    shown = np.mod(q, 360) if wrapped else q
+    assert rows_of(find_spikes(log(shown, v, ts), np.array([True])), "q") == [glitch]
+
+
 def test_too_few_rows_tell_nothing():
     ts, q, v = swing(0)
     assert find_spikes(log(q[:8], v[:8], ts[:8]), np.array([False])) == ()

@@ -1,5 +1,7 @@
 """Splitting loses no sample, and what is chosen by is never what is learned from."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -71,8 +73,18 @@ def test_recordings_too_short_to_cut_stay_whole():
 
 
 def test_nothing_to_hold_out_is_refused():
-    with pytest.raises(DataError, match=r"`arm`: validation needs recordings .* got 1"):
+    with pytest.raises(DataError, match=r"hold out 10% of them: 20 .* got 1 recording of 5 samples\."):
         split_validation(Dataset(name="arm", space="R1", train=(recording(5),)), 0.1)
+
+
+@given(fraction=st.floats(0.02, 0.98), least=st.integers(2, 8))
+def test_a_recording_as_long_as_the_refusal_says_is_split(fraction, least):
+    short = Dataset(name="arm", space="R1", train=(recording(3),))
+    with pytest.raises(DataError, match="got 1 recording of 3 samples") as caught:
+        split_validation(short, fraction, min_samples=least)
+    (needed,) = map(int, re.findall(r"(\d+) samples or more", str(caught.value)))
+    split = split_validation(Dataset(name="arm", space="R1", train=(recording(needed),)), fraction, min_samples=least)
+    assert min(len(split.train[0]), len(split.validation[0])) >= least
 
 
 @pytest.mark.parametrize("fraction", [0.0, 1.0])

@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from symoden.data import DataError
 from symoden.data._readers import read_rows
+from symoden.data._tables import cut_row
 
 ALL = slice(0, None)
 
@@ -86,7 +87,7 @@ def test_what_is_wrong_outside_the_rows_does_no_harm(tmp_path):
 BAD = [
     ("t,q\n0,1", "no column `a`; found `t, q`"),
     ("t,A1,b\n0,1,1", r"no column `a`; found `t, A1, b`\. Did you mean `A1`\? Give the names as the file has them"),
-    ("a,b\n1,2\n3,on\n", r"column `b`, row 1: must be a number or empty; got 'on'"),
+    ("a,b\n1,2\n3,on\n", r"column `b`, line 3 \(row 1\): must be a number or empty; got 'on'"),
     ("a,b\n1,2\n1,2,3", r"every line must have the 2 cells that the first line names"),
     ("a,b,a\n1,2,3", "column `a` must be there once; got it twice"),
     ("", "is empty"),
@@ -104,15 +105,41 @@ def test_a_bad_table_is_refused_by_name_and_row(tmp_path, text, message):
 
 def test_the_row_of_an_error_is_the_files_row(tmp_path):
     path = written(tmp_path / "run.csv", "a\n0\n1\n2\nx\n")
-    with pytest.raises(DataError, match="column `a`, row 3: "):
+    with pytest.raises(DataError, match=r"column `a`, line 5 \(row 3\): "):
         read_rows(path, {"x": ("a",)}, slice(2, None))
+
+
+def test_a_row_of_a_file_that_is_no_text_is_no_line(tmp_path):
+    pl.DataFrame({"a": ["1", "x"]}).write_parquet(tmp_path / "run.parquet")
+    with pytest.raises(DataError, match="column `a`, row 1: "):
+        read_rows(tmp_path / "run.parquet", {"x": ("a",)}, ALL)
+
+
+@pytest.mark.parametrize("last", ["5", "5,-", "5,6"])
+@pytest.mark.parametrize("ending", ["", "\r"])
+def test_a_line_in_whose_middle_a_file_ends_has_no_numbers(tmp_path, last, ending):
+    path = written(tmp_path / "run.csv", f"a,b,c{ending}\n1,2,3{ending}\n{last}")
+    assert cut_row(path) == 1
+    read = read_rows(path, {"x": ("a", "b", "c")}, ALL).signals["x"]
+    np.testing.assert_array_equal(read, [[1, 2, 3], [np.nan] * 3])
+
+
+@pytest.mark.parametrize("text", ["a,b\n1,2", "a,b\n1,2\n", "a,b\n1,2\n  ", "a,b", "a,b\n1,2\n3\n"])
+def test_a_file_that_does_not_end_in_the_middle_of_a_line_keeps_its_numbers(tmp_path, text):
+    path = written(tmp_path / "run.csv", text)
+    assert cut_row(path) is None
+    read = read_rows(path, {"x": ("a",)}, ALL).signals["x"]
+    assert len(read) == len(text.split()) - 1
+    assert np.isfinite(read).all()
 
 
 @pytest.mark.parametrize("cut", [5, 40, -1, -9])
 def test_a_truncated_compressed_table_is_refused(tmp_path, cut):
     path = tmp_path / "run.csv.gz"
     path.write_bytes(gzip.compress(b"a\n" + b"".join(b"%d\n" % i for i in range(500)))[:cut])
-    with pytest.raises(DataError, match="must be a complete CSV file in UTF-8; reading stopped at"):
+    with pytest.raises(
+        DataError, match=r"must be a complete CSV file in UTF-8; reading stopped at.*\. Perhaps .*copy it"
+    ):
         read_rows(path, {"x": ("a",)}, ALL)
 
 
@@ -129,7 +156,7 @@ def test_every_truncation_of_a_parquet_file_is_refused(tmp_path):
     whole = path.read_bytes()
     for cut in range(1, len(whole), 37):
         path.write_bytes(whole[:cut])
-        with pytest.raises(DataError, match="must be a complete Parquet file"):
+        with pytest.raises(DataError, match=r"must be a complete Parquet file.* copy it again"):
             read_rows(path, {"x": ("a",)}, ALL)
 
 

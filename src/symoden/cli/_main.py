@@ -4,6 +4,7 @@ import importlib
 import importlib.metadata
 import inspect
 import logging
+import os
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, Final, Union
@@ -15,6 +16,7 @@ from ._arguments import COMMANDS, Command, Reproduce, Train
 FAILURE: Final = 1
 WRONG_INPUT: Final = 2
 INTERRUPTED: Final = 130
+UNREAD: Final = 141  # as of a program that SIGPIPE ends
 
 _DESCRIPTION: Final = (
     "Learn the inertia, potential energy, actuation and friction of a mechanism from its logs, as a port-Hamiltonian "
@@ -29,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Words after the program's name; those of the process if absent.
 
     Returns:
-        Exit status: 0, or 1 for a failure, 2 for wrong usage or input, 130 for an interruption.
+        Exit status: 0, or 1 for a failure, 2 for wrong usage or input, 130 for an interruption, 141 if nobody reads on.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     if words == ["--version"]:
@@ -41,10 +43,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return stop.code if isinstance(stop.code, int) else WRONG_INPUT
     try:
         _carry_out(command)
+        sys.stdout.flush()
     except KeyboardInterrupt:
         print(f"interrupted{_way_on(command)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
+        if isinstance(error, BrokenPipeError) and _nobody_reads():
+            return UNREAD
         if command.general.debug:
             raise
         print(f"error: {_message(error)}", file=sys.stderr)
@@ -74,6 +79,18 @@ def _carry_out(command: Command) -> None:
     importlib.import_module("._session", __package__).configure()
     with importlib.import_module("._warnings", __package__).warnings_as_lines():
         importlib.import_module(f"._{type(command).__name__.lower()}", __package__).run(command)
+
+
+def _nobody_reads() -> bool:
+    """Whether standard output has ended, as that to `head` does; what is still to be written is then thrown away."""
+    try:
+        print(flush=True)  # The failed write is forgotten: only another one tells.
+    except BrokenPipeError:
+        nothing = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nothing, sys.stdout.fileno())
+        os.close(nothing)
+        return True
+    return False
 
 
 def _way_on(command: Command) -> str:

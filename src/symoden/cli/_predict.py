@@ -63,4 +63,5 @@ def run(command: Predict) -> None:
             }
         )
     else:
-        print(f"rollouts along {len(every)} recordings of {source.name} in {command.out}")
+        several = "" if len(every) == 1 else "s"
+        print(f"rollouts along {len(every)} recording{several} of {source.name} in {command.out}")

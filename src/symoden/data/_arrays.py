@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._errors import DataError, missing
+from ._errors import COPY, DataError, missing
 from ._limits import refuse_large
 from ._mat import read_mat5
 
@@ -112,7 +112,7 @@ def _read_npy(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np
     if claimed > info.file_size:
         raise DataError(
             f"`{path}`: variable `{name}` must have the {claimed} bytes that its header claims; got {info.file_size}. "
-            "The file is broken."
+            f"{COPY}"
         )
     with archive.open(info) as file:
         return np.lib.format.read_array(file, allow_pickle=False)
@@ -147,4 +147,4 @@ def _numeric(path: Path, name: str, values: object) -> np.ndarray:
 def _broken(path: Path, kind: str, error: Exception) -> str:
     """Message for a file that its parser could not read."""
     reason = (str(error) or type(error).__name__).splitlines()[0]
-    return f"`{path}`: must be a complete {kind} file; reading stopped at: {reason}"
+    return f"`{path}`: must be a complete {kind} file; reading stopped at: {reason.removesuffix('.')}. {COPY}"

@@ -7,16 +7,21 @@ from pathlib import Path
 
 import numpy as np
 
+from ._clocks import find_other_clocks
 from ._description import Description, read_description
 from ._errors import DataError
 from ._examine import examine, is_idle
 from ._facts import ChannelFacts
 from ._findings import Finding
+from ._lengths import find_short
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
 from ._mismatch import AGREES
+from ._pace import find_fast_sampling
 from ._read_dataset import assemble
+from ._readers import suffix_of
 from ._recordings import recordings_of
+from ._tables import cut_row
 from ._trajectory import Trajectory
 
 _LISTED = 20  # rows whose time goes back, at most marked
@@ -99,6 +104,10 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         for log, (recordings, outcome) in zip(logs, made, strict=True)
     )
     checks = tuple(_advised(check, checks) for check in checks)
+    checks = tuple(
+        dataclasses.replace(check, findings=(*clocks, *check.findings))
+        for check, clocks in zip(checks, find_other_clocks(logs, description), strict=True)
+    )
     together = _idle_everywhere(checks)
     if all(isinstance(outcome, Mask) for _, outcome in made):
         together.extend(_assembled(path, description, logs, [recordings for recordings, _ in made]))
@@ -116,12 +125,12 @@ def _made(log: Log, description: Description, is_angle: np.ndarray) -> tuple[tup
 def _assembled(
     path: Path, description: Description, logs: Sequence[Log], recordings: Sequence[tuple[Trajectory, ...]]
 ) -> list[Finding]:
-    """What keeps the recordings from being a data set."""
+    """What keeps the recordings from being a data set, or is worth saying of their lengths and their rate."""
     try:
-        assemble(path, description, logs, recordings)
+        dataset = assemble(path, description, logs, recordings)
     except DataError as error:
         return [_refusal(error)]
-    return []
+    return [*find_short(dataset), *find_fast_sampling(dataset)]
 
 
 def _refusal(error: DataError) -> Finding:
@@ -168,14 +177,16 @@ def _out_of_order(log: Log) -> list[Finding]:
         return []
     before, after = rows[late], rows[late + 1]
     doubles = int((log.ts[before] == log.ts[after]).sum())
-    what = f"{len(late) - doubles} go back" + (f", {doubles} stand still" if doubles else "")
-    first = f"first at row {log.start + after[0]}: {float(log.ts[after[0]])!r} after {float(log.ts[before[0]])!r}"
+    kinds = ((len(late) - doubles, "go back", "goes back"), (doubles, "stand still", "stands still"))
+    what = ", ".join(f"{count} {one if count == 1 else several}" for count, several, one in kinds if count)
+    said = "time stamp does" if len(late) == 1 else "time stamps do"
+    first = f"first at {log.place(int(after[0]))}: {float(log.ts[after[0]])!r} after {float(log.ts[before[0]])!r}"
     return [
         Finding(
             kind="time",
             level="refused",
             channel=log.names["time"][0] if "time" in log.names else "",
-            text=f"{len(late)} time stamps do not increase ({what}), {first}",
+            text=f"{len(late)} {said} not increase ({what}), {first}",
             advice="Sort the rows by time and keep one of each; if a clock was set back, cut the file there by `rows`.",
             spans=tuple((float(log.ts[b]), float(log.ts[a])) for b, a in zip(before, after, strict=True))[:_LISTED],
         )
@@ -183,11 +194,12 @@ def _out_of_order(log: Log) -> list[Finding]:
 
 
 def _missing(log: Log) -> list[Finding]:
-    """Columns that lack numbers."""
-    found = []
+    """Columns that lack numbers, and a last line that the file ends in the middle of."""
+    cut = _cut(log)
+    found = [] if cut is None else [_unfinished(log)]
     for role, signal in ({"time": log.ts[:, None]} | log.signals).items():
         for i, name in enumerate(log.names.get(role, ())):
-            rows = np.flatnonzero(np.isnan(signal[:, i]))
+            rows = np.flatnonzero(np.isnan(signal[:cut, i]))
             if not len(rows):
                 continue
             edges = np.flatnonzero(np.diff(rows) > 1)
@@ -198,13 +210,34 @@ def _missing(log: Log) -> list[Finding]:
                     level="masked",
                     channel=name,
                     text=f"`{name}` lacks {len(rows)} of {len(log)} numbers, in {len(runs)} stretch"
-                    f"{'es' if len(runs) > 1 else ''}, first at row {log.start + int(rows[0])}",
+                    f"{'es' if len(runs) > 1 else ''}, first at {log.place(int(rows[0]))}",
                     advice="These rows are left out; where that leaves a gap, the recording is split. To keep rows "
                     "that lack nothing else, leave the column out.",
                     spans=tuple(_time_of(log, int(first), int(last)) for first, last in runs),
                 )
             )
     return found
+
+
+def _cut(log: Log) -> int | None:
+    """Row of the log, its last one, in the middle of whose line the file ends; nothing if the line is whole."""
+    last = len(log) - 1
+    if log.complete[last] or not suffix_of(log.path).startswith(".csv"):
+        return None
+    return last if cut_row(log.path) == log.start + last else None
+
+
+def _unfinished(log: Log) -> Finding:
+    """A file that ends in the middle of a line."""
+    last = len(log) - 1
+    return Finding(
+        kind="missing",
+        level="masked",
+        channel="",
+        text=f"the file ends in the middle of a line, {log.place(last)}",
+        advice="The line is left out. If the recording was longer, copy the file again.",
+        spans=(_time_of(log, last, last),),
+    )
 
 
 def _time_of(log: Log, first: int, last: int) -> tuple[float, float]:
@@ -223,8 +256,8 @@ def _spikes(log: Log, mask: Mask) -> list[Finding]:
             level="masked",
             channel=each.channel,
             text=f"`{each.channel}` has {len(each.rows)} sample{'s' if len(each.rows) > 1 else ''} that "
-            f"{'stand' if len(each.rows) > 1 else 'stands'} out alone, by {each.largest:.3g} at most, first at row "
-            f"{log.start + int(each.rows[0])}",
+            f"{'stand' if len(each.rows) > 1 else 'stands'} out alone, by {each.largest:.3g} at most, first at "
+            f"{log.place(int(each.rows[0]))}",
             advice="These rows are left out. If there are many, look for an encoder that loses counts or a faulty bus.",
             spans=tuple((float(log.ts[row]), float(log.ts[row])) for row in each.rows[:_LISTED]),
         )

@@ -3,15 +3,17 @@
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Final
 
 _SHOWN = 20
+COPY: Final = "Perhaps it was cut off: copy it again, or write it again where it was recorded."
 
 
 class DataError(ValueError):
     """Recorded data, or their description, are not what they must be.
 
-    The message names the file, the column and the row (counted from 0, the header not counted), says what must hold
-    and what arrived, and what to do.
+    The message names the file, the column and the row (counted from 0, the header not counted; in a text file the line
+    too, as editors count them), says what must hold and what arrived, and what to do.
     """
 
 
@@ -24,6 +26,20 @@ def listing(names: Iterable[str]) -> str:
     every = list(names)
     more = f", … ({len(every)} in all)" if len(every) > _SHOWN else ""
     return f"`{', '.join(every[:_SHOWN])}{more}`" if every else "nothing"
+
+
+def place(path: Path, row: int) -> str:
+    """Where a row of a file is: in text files also the line, counted from 1, the header counted.
+
+    Args:
+        path: The file.
+        row: The row, counted from 0.
+
+    Returns:
+        The words.
+    """
+    is_text = path.name.lower().removesuffix(".gz").endswith(".csv")
+    return f"line {row + 2} (row {row})" if is_text else f"row {row}"
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

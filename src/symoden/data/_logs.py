@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ._description import Description, Part
-from ._errors import DataError
+from ._errors import DataError, place
 from ._files import find_files
 from ._readers import Rows, read_rows, suffix_of
 from ._units import in_si
@@ -60,6 +60,17 @@ class Log:
     def time_column(self) -> str:
         """Start of messages on the time stamps: the file and the column."""
         return f"`{self.path}`: column `{self.names['time'][0]}`" if "time" in self.names else f"`{self.path}`: `dt`"
+
+    def place(self, row: int) -> str:
+        """Where a row of the log is in the file.
+
+        Args:
+            row: The row, counted from the first one that was read.
+
+        Returns:
+            The words.
+        """
+        return place(self.path, self.start + row)
 
 
 def read_logs(path: Path, description: Description) -> tuple[Log, ...]:

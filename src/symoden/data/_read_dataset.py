@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ._clocks import find_other_clocks
 from ._dataset import Dataset
 from ._description import Description, read_description
 from ._errors import DataWarning
@@ -99,8 +100,8 @@ def _warn_of_suspicions(path: Path, logs: Sequence[Log], description: Descriptio
     """Say in one line what looks wrong."""
     found = [
         f"`{log.name}`: {finding.text.removesuffix('?')}"
-        for log in logs
-        for finding in examine(log, description, is_angle).findings
+        for log, clocks in zip(logs, find_other_clocks(logs, description), strict=True)
+        for finding in (*clocks, *examine(log, description, is_angle).findings)
         if finding.level == "warning"
     ]
     if found:

@@ -30,7 +30,7 @@ def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> t
     Raises:
         DataError: If the time stamps do not increase, or too little is left.
     """
-    refuse_times_out_of_order(log.ts, log.time_column, first_row=log.start)
+    refuse_times_out_of_order(log.ts, log.time_column, place=log.place)
     chosen = mask(log, find_spikes(log, is_angle), resample=description.resample, delay=max(description.input_delay))
     if len(chosen.pieces[0]) < 2:
         raise DataError(

@@ -30,8 +30,19 @@ def longest_step(steps: Times, *, resample: float | None = None) -> float:
     Returns:
         The time [s].
     """
-    usual = float(np.quantile(steps, _USUAL, method="lower"))
-    return max(_FAR_LONGER * usual, 2 * (resample or 0.0))
+    return max(_FAR_LONGER * usual_step(steps), 2 * (resample or 0.0))
+
+
+def usual_step(steps: Times) -> float:
+    """Time between samples that 95 % of the steps keep to.
+
+    Args:
+        steps: Times from sample to sample [s], at least one.
+
+    Returns:
+        The time [s].
+    """
+    return float(np.quantile(steps, _USUAL, method="lower"))
 
 
 def least_change(signal: np.ndarray) -> float:

@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float, Int
 
+from ._kinematics import TURN
 from ._logs import Log
-from ._shapes import Times
+from ._shapes import Signals, Times
 from ._signals import least_change, longest_step, quantum
 
 _OFFSETS: Final = (-2, -1, 1, 2)  # Neighbours of which a cubic predicts a sample.
@@ -18,6 +19,8 @@ _SEEN: Final = 0.01  # Share of the signal's range: what is smaller does no harm
 _COARSEST: Final = {"positions": 0.02, "rates": 0.2}  # Counts in SI or rad; no sensor's is larger.
 _LIKE, _NOISE = 0.12, 2.0  # Of the deviation, and standard deviations, by which neighbours may differ from a spike's.
 _AROUND: Final = 101  # Samples.
+_SEVERAL: Final = 2 * TURN  # [rad]
+_DEGREES: Final = 360.0  # of a turn
 _SAME: Final = 0.5  # Of the deviation.
 _QUANTILE: Final = 0.8
 _NORMAL: Final = 1.2816  # That quantile of the absolute value of a standard normal variable.
@@ -66,7 +69,7 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     if len(rows) < 3 * len(_OFFSETS):
         return ()
     ts, q = log.ts[rows], log.q[rows]
-    q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
+    q[:, is_angle] = _unwrapped(q[:, is_angle])
     steps = np.diff(ts)
     gaps = np.flatnonzero(steps > longest_step(steps))
     near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
@@ -83,6 +86,20 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
             if len(alone):
                 found.append(Spikes(channel=name, rows=rows[alone], largest=float(np.abs(off[alone]).max())))
     return tuple(found)
+
+
+def _unwrapped(q: Signals) -> Signals:
+    """Angles without jumps by a turn.
+
+    Those of several turns are not wrapped to one, and may be degrees taken for rad: their jumps are of 360.
+
+    Returns:
+        The angles.
+    """
+    low, high = np.quantile(q, (0.01, 0.99), axis=0)
+    turns = np.where(high - low > _SEVERAL, _DEGREES, TURN)
+    columns = [np.unwrap(column, period=period) for column, period in zip(q.T, turns, strict=True)]
+    return np.stack(columns, axis=1) if columns else q
 
 
 def _confirmed(rates: np.ndarray, off: np.ndarray, slopes: np.ndarray, alone: np.ndarray) -> np.ndarray:

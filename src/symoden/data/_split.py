@@ -2,6 +2,8 @@
 
 import dataclasses
 import itertools
+import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from ._dataset import Dataset
 from ._errors import DataError
 from ._trajectory import Trajectory
 
+_SHOWN = 10
 _MANY = 10  # From so many groups on, whole groups are held out rather than the ends of recordings.
 
 
@@ -84,9 +87,24 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
     if not train or not validation:
         raise DataError(
             f"`{dataset.name}`: validation needs recordings in `train` that are long enough to hold out {fraction:.0%} "
-            f"of them, or many; got {len(dataset.train)}. Give more of them, or `[validation]` files."
+            f"of them: {_needed(dataset.train, fraction, min_samples)} samples or more; or many, from different first "
+            f"states; got {_lengths(dataset.train)}. Give longer ones or more of them, or `[validation]` files."
         )
     return dataclasses.replace(dataset, train=train, validation=validation)
+
+
+def _needed(trajectories: Sequence[Trajectory], fraction: float, min_samples: int) -> int:
+    """Samples of a recording of which a share can be held out."""
+    least = max([min_samples, *(trajectory.initial_samples + 1 for trajectory in trajectories)])
+    return math.ceil(least / min(fraction, 1 - fraction))
+
+
+def _lengths(trajectories: Sequence[Trajectory]) -> str:
+    """How many recordings there are, and their lengths."""
+    lengths = [str(len(trajectory)) for trajectory in trajectories]
+    more = ", …" if len(lengths) > _SHOWN else ""
+    of = f" of {', '.join(lengths[:_SHOWN])}{more} samples" if lengths else ""
+    return f"{len(lengths)} recording{'' if len(lengths) == 1 else 's'}{of}"
 
 
 def _without_tail(

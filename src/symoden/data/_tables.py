@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from ._errors import DataError, missing
+from ._errors import COPY, DataError, missing, place
 from ._limits import LARGEST, refuse_large
 
 _NOTHING = ("", "na", "n/a", "null", "none")  # what tables write where a sample is missing; NaN is a number
@@ -30,15 +30,18 @@ def read_csv(path: Path) -> pl.DataFrame:
         DataError: If the file is empty, broken or no table.
     """
     try:
-        text = _contents(path).decode("utf-8-sig")
+        text = _text(path)
     except (*_BROKEN_GZIP, UnicodeDecodeError) as error:
-        raise DataError(f"`{path}`: must be a complete CSV file in UTF-8; reading stopped at: {error}.") from error
+        reason = f"{error}. {'Save it as one.' if isinstance(error, UnicodeDecodeError) else COPY}"
+        raise DataError(f"`{path}`: must be a complete CSV file in UTF-8; reading stopped at: {reason}") from error
     header, _, body = text.strip().partition("\n")
     if not header:
         raise DataError(f"`{path}`: is empty; it must have a line of column names and a line for each sample.")
-    separator = max(",;\t", key=header.count)
+    separator = _separator(header)
     cells = next(csv.reader([header.removeprefix("#").strip()], delimiter=separator, skipinitialspace=True))
     names = [cell.strip() for cell in cells]
+    if _is_cut(text, header):  # Its numbers may be cut as well.
+        body = body[: body.rfind("\n") + 1] + separator * (len(names) - 1)
     schema = {str(i): pl.String for i in range(len(names))}
     if not body:
         return pl.DataFrame(schema=schema).rename(_unique(names))
@@ -51,6 +54,37 @@ def read_csv(path: Path) -> pl.DataFrame:
             f"{reason}."
         ) from error
     return frame.rename(_unique(names))
+
+
+def cut_row(path: Path) -> int | None:
+    """Row of the last line of a table of text, if the file ends in the middle of it.
+
+    Args:
+        path: File that `read_csv` reads.
+
+    Returns:
+        The row, counted from 0; nothing if the last line is whole.
+    """
+    text = _text(path)
+    header, _, body = text.strip().partition("\n")
+    return body.count("\n") if _is_cut(text, header) else None
+
+
+def _text(path: Path) -> str:
+    """Contents of a table of text."""
+    return _contents(path).decode("utf-8-sig")
+
+
+def _is_cut(text: str, header: str) -> bool:
+    """Whether a table ends in the middle of a line: without its end, and with fewer cells than the first line."""
+    separator = _separator(header)
+    _, end, last = text.rpartition("\n")
+    return bool(end and last.strip()) and last.count(separator) < header.count(separator)
+
+
+def _separator(header: str) -> str:
+    """What separates the cells of a table."""
+    return max(",;\t", key=header.count)
 
 
 def read_parquet(path: Path) -> pl.DataFrame:
@@ -70,7 +104,7 @@ def read_parquet(path: Path) -> pl.DataFrame:
         return pl.read_parquet(path, glob=False)
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         reason = str(error).splitlines()[0]
-        raise DataError(f"`{path}`: must be a complete Parquet file; reading stopped at: {reason}.") from error
+        raise DataError(f"`{path}`: must be a complete Parquet file; reading stopped at: {reason}. {COPY}") from error
 
 
 def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np.ndarray:
@@ -109,8 +143,9 @@ def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first
     """Refuse a column that has words among its numbers."""
     row = bad.arg_max() if bad.any() else None
     if row is not None:
+        where = place(path, first_row + row)
         raise DataError(
-            f"`{path}`: column `{name}`, row {first_row + row}: must be a number or empty; got {column[row]!r}. "
+            f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. "
             "Correct it, or select rows without it by `rows`."
         )
 

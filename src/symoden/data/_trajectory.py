@@ -1,6 +1,7 @@
 """One recording of a mechanism."""
 
 import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,13 +99,13 @@ class Trajectory:
         )
 
 
-def refuse_times_out_of_order(ts: Times, where: str, *, first_row: int = 0) -> None:
+def refuse_times_out_of_order(ts: Times, where: str, *, place: Callable[[int], str] = "row {}".format) -> None:
     """Refuse time stamps that do not increase.
 
     Args:
         ts: Time stamps [s]; NaN where one is missing, which is passed over.
         where: Start of the message: the file and the column.
-        first_row: Row of the first time stamp, so that the message gives the row of the file.
+        place: What the message calls the row of a time stamp.
 
     Raises:
         DataError: If a time stamp is not greater than the one before it.
@@ -114,7 +115,7 @@ def refuse_times_out_of_order(ts: Times, where: str, *, first_row: int = 0) -> N
     if late.size:
         before, k = (int(i) for i in known[late[0] : late[0] + 2])
         raise DataError(
-            f"{where}, row {first_row + k}: times must increase; got {float(ts[k])!r} after {float(ts[before])!r} "
+            f"{where}, {place(k)}: times must increase; got {float(ts[k])!r} after {float(ts[before])!r} "
             f"({late.size} such row{'s' if late.size > 1 else ''}). Sort the rows by time and keep one of each."
         )
 

@@ -1,0 +1,64 @@
+"""Recordings whose time stamps are in another unit than those of the others."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from ._description import Description
+from ._findings import Finding
+from ._logs import Log
+from ._signals import usual_step
+
+_OTHER: Final = 100  # times longer or shorter: no logger's rates differ so much
+_NEAR: Final = 3.0  # factor up to which a unit explains it, since rates differ too
+_UNITS: Final = ((1e3, "milliseconds", "ms"), (1e6, "microseconds", "us"), (1e9, "nanoseconds", "ns"))
+
+
+def find_other_clocks(logs: Sequence[Log], description: Description) -> tuple[tuple[Finding, ...], ...]:
+    """Find logs whose usual step of time is far from that of most others.
+
+    Args:
+        logs: Every log of a data set.
+        description: What it means.
+
+    Returns:
+        The findings on each log: one, or none.
+    """
+    steps = [_usual(log) for log in logs]
+    known = sorted(step for step in steps if step is not None)
+    if description.time is None or not known:
+        return ((),) * len(logs)
+    most = known[(len(known) - 1) // 2]
+    return tuple(
+        () if step is None or 1 / _OTHER < step / most < _OTHER else (_finding(log, step, most, description),)
+        for log, step in zip(logs, steps, strict=True)
+    )
+
+
+def _usual(log: Log) -> float | None:
+    """Usual step of time of a log [s]; nothing where no time increases."""
+    steps = np.diff(log.ts[np.isfinite(log.ts)])
+    steps = steps[steps > 0]
+    return usual_step(steps) if len(steps) else None
+
+
+def _finding(log: Log, step: float, most: float, description: Description) -> Finding:
+    """A clock that runs much faster or slower than the others."""
+    (name,) = log.names["time"]
+    ratio = max(step / most, most / step)
+    units = [(word, key) for factor, word, key in _UNITS if factor / _NEAR < ratio < factor * _NEAR]
+    word, key = units[0] if units else ("another unit", "ms")
+    if is_said := name in description.units:
+        word = "another unit"
+    question = f"are the others in {word}?" if step < most and not is_said else f"is `{name}` in {word}?"
+    advice = f"`units` hold for all files: convert `{name}` of `{log.path}` to the unit of the others, or leave it out."
+    if not is_said:
+        advice += f' If all are in {word if units else "milliseconds"}, write `units = {{"{name}" = "{key}"}}`.'
+    return Finding(
+        kind="unit",
+        level="warning",
+        channel=name,
+        text=f"the usual step of `{name}` is {step:.4g} s, but {most:.4g} s in most others: {question}",
+        advice=advice,
+    )

@@ -1,0 +1,67 @@
+"""How fast recordings are sampled, against how fast they move."""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from ._dataset import Dataset
+from ._findings import Finding
+from ._trajectory import Trajectory
+
+_MANY: Final = 60  # samples in a time scale, of which the needed ones are enough
+_NEEDED: Final = 25
+_LARGE: Final = 20_000  # rows from which on training takes long
+_IDLE: Final = 0.01  # of the liveliest rate
+_GROWTH: Final = 1.1  # from lag to lag
+
+
+def find_fast_sampling(dataset: Dataset) -> list[Finding]:
+    """Say that recordings have many more samples than their motion needs.
+
+    Args:
+        dataset: Recordings as training sees them.
+
+    Returns:
+        One finding, or none.
+    """
+    rows = sum(map(len, dataset.train))
+    if rows <= _LARGE:
+        return []
+    step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in dataset.train])))
+    time = step * _lag(dataset.train)
+    if time < _MANY * step:
+        return []
+    longer = _round(time / _NEEDED)
+    times = f"{longer / step:.2g}"
+    return [
+        Finding(
+            kind="time",
+            level="note",
+            channel="",
+            text=f"the {rows} rows of [train] are sampled about {times} times as fast as the motion needs, whose rates "
+            f"change by about their own size in {time:.2g} s",
+            advice=f"`resample = {longer:g}` averages over as many samples, and training is then about {times} times "
+            "as fast.",
+        )
+    ]
+
+
+def _lag(recordings: Sequence[Trajectory]) -> float:
+    """Samples in which the liveliest rate changes by about its size, 1/(ω dt) for a sine: twice those of half of it."""
+    size = np.std(np.concatenate([recording.rates for recording in recordings]), axis=0)
+    moving = size > _IDLE * size.max(initial=0.0)
+    longest, lag = max(map(len, recordings)) - 1, 1
+    while lag < longest and np.any(moving):
+        changes = np.concatenate([recording.rates[lag:] - recording.rates[:-lag] for recording in recordings])
+        if np.any(np.sqrt(np.mean(changes**2, axis=0))[moving] >= size[moving] / 2):
+            break
+        lag = max(lag + 1, round(_GROWTH * lag))
+    return 2.0 * lag / _GROWTH
+
+
+def _round(step: float) -> float:
+    """The largest of 1, 2, 3 and 5 times a power of 10 that is not above a step."""
+    power = 10.0 ** math.floor(math.log10(step))
+    return max(digit * power for digit in (1, 2, 3, 5) if digit * power <= step)

@@ -1,0 +1,57 @@
+"""A recording in milliseconds among others in seconds is named; logs of different rates are not."""
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.data import DataWarning, check_dataset, read_dataset
+
+TEXT = """
+space = "T1"
+time = "t [x]"
+positions = ["q"]
+inputs = ["u"]
+[train]
+files = ["run*.csv"]
+"""
+
+
+def written(folder, *clocks):
+    """Recordings of 300 samples, a step and a factor of the time stamps each."""
+    for k, (step, factor) in enumerate(clocks):
+        t = step * (np.arange(300) + np.random.default_rng(k).uniform(-0.3, 0.3, 300))
+        columns = np.stack([factor * t, np.sin(2 * t + k), np.sin(5 * t)], axis=1)
+        np.savetxt(folder / f"run{k}.csv", columns, delimiter=",", header="t [x],q,u", comments="", fmt="%.15g")
+    path = folder / "arm.toml"
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds"), (1.4e4, "another unit")]
+)
+def test_another_clock_is_named_with_its_unit(tmp_path, factor, unit):
+    path = written(tmp_path, (0.005, 1), (0.005, 1), (0.00504, factor))
+    check = check_dataset(path)
+    assert [len(each.findings) for each in check.recordings] == [0, 0, 1]
+    (finding,) = check.recordings[2].findings
+    assert (finding.kind, finding.level, finding.channel) == ("unit", "warning", "t [x]")
+    assert f"is `t [x]` in {unit}?" in finding.text
+    with pytest.warns(DataWarning, match="perhaps wrong in `run2`: the usual step of"):
+        read_dataset(path)
+
+
+def test_one_in_seconds_among_milliseconds_is_named_with_the_key(tmp_path):
+    path = written(tmp_path, (0.005, 1e3), (0.005, 1), (0.005, 1e3))
+    (finding,) = check_dataset(path).recordings[1].findings
+    assert "are the others in milliseconds?" in finding.text
+    assert finding.advice.endswith('write `units = {"t [x]" = "ms"}`.')
+    path.write_text('units = {"t [x]" = "ms"}\n' + path.read_text())
+    with pytest.warns(DataWarning, match="perhaps wrong in `run1`.* in most others: is `t .x.` in another unit"):
+        read_dataset(path)
+
+
+@given(steps=st.lists(st.floats(0.001, 0.05), min_size=1, max_size=4))
+def test_logs_of_different_rates_have_nothing_wrong(tmp_path_factory, steps):
+    path = written(tmp_path_factory.mktemp("rates"), *((step, 1) for step in steps))
+    assert not any(each.kind == "unit" for one in check_dataset(path).recordings for each in one.findings)
