@@ -69,7 +69,8 @@ def test_a_short_recording_does_not_shorten_the_windows_of_all(piece, share, lea
     held = tuple(swing(np.arange(0, 10, 0.01), mean=float(i), name=f"held {i}") for i in range(1, 4))
     alone = _horizon(Dataset(name="d", space="R1", train=long), share, least)
     beside = Dataset(name="d", space="R1", train=(*long, short), validation=(tail, *held))
-    assert _horizon(beside, share, least) == alone
+    # Windows are stretched to fill a piece that holds two, never cut to fit one that does not.
+    assert alone <= _horizon(beside, share, least) <= 1.5 * alone
 
 
 @given(lengths=st.lists(st.integers(2, 500), min_size=1, max_size=20), enough=st.integers(1, 600))

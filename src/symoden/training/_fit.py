@@ -99,6 +99,7 @@ def fit(
         StorageError: If `folder` cannot be written, or its checkpoint is damaged or of other settings.
 
     Example:
+        >>> import numpy as np
         >>> from symoden import Trajectory, Dataset
         >>> ts = np.linspace(0.0, 2.0, 41)
         >>> q, v = np.cos(ts)[:, None], -np.sin(ts)[:, None]
