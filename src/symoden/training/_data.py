@@ -15,7 +15,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 
 from ._config import TrainingConfig
-from ._objective import Batch, Objective, channel_weights
+from ._objective import Batch, Objective, channel_order, channel_weights
 from ._scales import time_scale
 from ._stages import Data
 
@@ -82,9 +82,8 @@ def _free_starts(data: Data, dataset: Dataset) -> Data:
     noise = measure_noise(dataset.train)
     if not noise.is_seen:
         return data
-    is_angle = np.array(Space.parse(dataset.space).is_angle)
-    lengths, angles = noise.q[~is_angle], noise.q[is_angle]
-    channels = jnp.asarray(np.concatenate([lengths, angles, angles, noise.rates]), float)
+    sensors = np.concatenate([noise.q, noise.rates])
+    channels = jnp.asarray(sensors[channel_order(Space.parse(dataset.space))], float)
     return data._replace(
         objective=eqx.tree_at(lambda o: o.noise, data.objective, channels, is_leaf=lambda x: x is None)
     )

@@ -6,14 +6,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from symoden.data import SensorNoise, Trajectory, measure_noise, windows
 from symoden.integrate import AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
+from symoden.spaces import Space
 
-from ._objective import Batch, Objective
+from ._objective import Batch, Objective, channel_order
 from ._starts import find_start
 
 _ROUNDS: Final = 4  # A free start hides the model's error from the first.
@@ -40,7 +41,7 @@ def find_first_state(
     """
     if recording.initial_samples == 1 or not (noise := measure_noise([recording])).is_seen:
         return recording.q[0], recording.rates[0]
-    weights, sensors = _channels(recording, noise, np.array(dynamics.space.is_angle))
+    weights, sensors = _channels(recording, noise, dynamics.space)
     objective = Objective(jnp.asarray(weights), solver, hold, noise=jnp.asarray(sensors), level=jnp.asarray(1.0))
     batch = Batch.of(windows([recording], recording.initial_samples - 1, stride=len(recording)))
     window = jax.tree.map(lambda x: x[0], batch)
@@ -49,15 +50,14 @@ def find_first_state(
 
 
 def _channels(
-    recording: Trajectory, noise: SensorNoise, is_angle: Bool[np.ndarray, " n"]
+    recording: Trajectory, noise: SensorNoise, space: Space
 ) -> tuple[Float[np.ndarray, " o"], Float[np.ndarray, " o"]]:
     """Weight of every observed channel, and the noise of its sensor."""
     sensors = np.concatenate([noise.q, noise.rates])
     spread = np.std(np.concatenate([recording.q, recording.rates], axis=1), axis=0)
     finest = _FINEST * np.maximum(spread, _FINEST * spread.max())
-    lengths, angles = np.flatnonzero(~is_angle), np.flatnonzero(is_angle)
-    finest[angles] = np.minimum(finest[angles], _FINEST)  # They are seen on the unit circle.
-    order = np.concatenate([lengths, angles, angles, len(is_angle) + np.arange(len(is_angle))])  # As embedded.
+    finest[space.angles] = np.minimum(finest[space.angles], _FINEST)  # They are seen on the unit circle.
+    order = channel_order(space)
     return 1 / np.maximum(sensors, finest)[order], sensors[order]
 
 

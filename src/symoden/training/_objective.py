@@ -8,12 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from symoden.data import Windows
 from symoden.integrate import AbstractSolver, Hold, rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
+from symoden.spaces import Space
 
 _MOST_TRUST = 1e3  # In a sensor, against the residuals.
 _RESTING = 1e-3  # Share of the largest change that one counts as at least.
@@ -142,6 +143,19 @@ class Objective(eqx.Module):
     def loss(self, dynamics: AbstractDynamics, batch: Batch) -> Scalar:
         """Mean of the squared residuals over a batch of windows."""
         return jnp.mean(jax.vmap(lambda window: self.residuals(dynamics, window))(batch) ** 2)
+
+
+def channel_order(space: Space) -> Int[np.ndarray, " o"]:
+    """Which entry of (q, rates) each observed channel shows: lengths, angles by cosine and by sine, rates.
+
+    Args:
+        space: Configuration space.
+
+    Returns:
+        The entries' numbers.
+    """
+    rates = space.size + np.arange(space.size)
+    return np.concatenate([space.lengths, space.angles, space.angles, rates]).astype(int)
 
 
 def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:
