@@ -8,7 +8,7 @@ from hypothesis import given, settings, strategies as st
 
 from symoden.data import Dataset, Trajectory
 from symoden.data._pace import find_fast_sampling
-from symoden.training._scales import time_scale
+from symoden.training import time_scale
 
 
 def swing(frequency, step, *, samples=30_000, noise=0.0):

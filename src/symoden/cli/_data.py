@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from symoden.data import ChannelFacts, DataError, DatasetCheck, Finding, RecordingCheck, check_dataset
+from symoden.wording import first_few
 
 from ._arguments import Data
 from ._figure import check_figure, save_figure
@@ -133,8 +134,8 @@ def _where(names: list[str]) -> str:
     """The recording that the words are about, and the others that have the same."""
     if not names:
         return ""
-    others = ", ".join(names[1 : 1 + _NAMED]) + (", …" if len(names) > 1 + _NAMED else "")
-    return f" in {names[0]}" + (f" (and {len(names) - 1} more: {others})" if len(names) > 1 else "")
+    first, *others = names
+    return f" in {first}" + (f" (and {len(others)} more: {first_few(others, _NAMED)})" if others else "")
 
 
 def _draw(check: DatasetCheck, path: Path) -> None:

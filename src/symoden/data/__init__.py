@@ -10,6 +10,7 @@ from ._noise import SensorNoise as SensorNoise, measure_noise as measure_noise
 from ._read_dataset import read_dataset as read_dataset
 from ._resample import resample as resample
 from ._split import segments as segments, split_validation as split_validation
+from ._time_scale import time_scales as time_scales
 from ._trajectory import Trajectory as Trajectory
 from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
 from ._windows import Windows as Windows, windows as windows
@@ -34,6 +35,7 @@ __all__ = [
     "resample",
     "segments",
     "split_validation",
+    "time_scales",
     "velocity_noise_gain",
     "windows",
     "write_dataset",

@@ -9,7 +9,7 @@ import numpy as np
 
 from ._clocks import find_other_clocks
 from ._description import Description, read_description
-from ._errors import DataError
+from ._errors import DataError, is_text
 from ._examine import examine, is_idle
 from ._facts import ChannelFacts
 from ._findings import Finding
@@ -19,7 +19,6 @@ from ._masking import Mask
 from ._mismatch import AGREES
 from ._pace import find_fast_sampling
 from ._read_dataset import assemble
-from ._readers import suffix_of
 from ._recordings import recordings_of
 from ._tables import cut_row
 from ._trajectory import Trajectory
@@ -222,7 +221,7 @@ def _missing(log: Log) -> list[Finding]:
 def _cut(log: Log) -> int | None:
     """Row of the log, its last one, in the middle of whose line the file ends; nothing if the line is whole."""
     last = len(log) - 1
-    if log.complete[last] or not suffix_of(log.path).startswith(".csv"):
+    if log.complete[last] or not is_text(log.path):
         return None
     return last if cut_row(log.path) == log.start + last else None
 

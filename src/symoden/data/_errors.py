@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+from symoden.wording import first_few
+
 _SHOWN = 20
 COPY: Final = "Perhaps it was cut off: copy it again, or write it again where it was recorded."
 
@@ -24,8 +26,8 @@ class DataWarning(UserWarning):
 def listing(names: Iterable[str]) -> str:
     """Names as one phrase in a message, a long list being cut short."""
     every = list(names)
-    more = f", … ({len(every)} in all)" if len(every) > _SHOWN else ""
-    return f"`{', '.join(every[:_SHOWN])}{more}`" if every else "nothing"
+    more = f" ({len(every)} in all)" if len(every) > _SHOWN else ""
+    return f"`{first_few(every, _SHOWN)}{more}`" if every else "nothing"
 
 
 def place(path: Path, row: int) -> str:
@@ -38,8 +40,12 @@ def place(path: Path, row: int) -> str:
     Returns:
         The words.
     """
-    is_text = path.name.lower().removesuffix(".gz").endswith(".csv")
-    return f"line {row + 2} (row {row})" if is_text else f"row {row}"
+    return f"line {row + 2} (row {row})" if is_text(path) else f"row {row}"
+
+
+def is_text(path: Path) -> bool:
+    """Whether a file's name says that it is a table of text."""
+    return path.name.lower().removesuffix(".gz").endswith(".csv")
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from symoden.wording import first_few
+
 from ._dataset import Dataset
 from ._errors import DataError
 from ._findings import Finding
@@ -34,14 +36,13 @@ def find_short(dataset: Dataset) -> list[Finding]:
     short = [each for each in dataset.train if len(each) < min(LEAST_SAMPLES, longest / 2)]
     if not short:
         return []
-    named = ", ".join(f"`{each.name}` ({len(each)})" for each in short[:_NAMED])
+    named = first_few((f"`{each.name}` ({len(each)})" for each in short), _NAMED)
     return [
         Finding(
             kind="refused",
             level="masked",
             channel="",
-            text=f"few samples in {len(short)} of {len(dataset.train)} recordings of [train]: {named}"
-            f"{', …' if len(short) > _NAMED else ''}",
+            text=f"few samples in {len(short)} of {len(dataset.train)} recordings of [train]: {named}",
             advice=f"Training leaves out what is shorter than its windows. Record {LEAST_SAMPLES} samples or more, or "
             "leave these files out.",
         )

@@ -1,20 +1,18 @@
 """How fast recordings are sampled, against how fast they move."""
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from ._dataset import Dataset
 from ._findings import Finding
-from ._trajectory import Trajectory
+from ._time_scale import time_scales
 
 _MANY: Final = 60  # samples in a time scale, of which the needed ones are enough
 _NEEDED: Final = 25
 _LARGE: Final = 20_000  # rows from which on training takes long
-_IDLE: Final = 0.01  # of the liveliest rate
-_GROWTH: Final = 1.1  # from lag to lag
+_IDLE: Final = 0.01  # of the liveliest rate: below it are trembling and noise
 
 
 def find_fast_sampling(dataset: Dataset) -> list[Finding]:
@@ -30,8 +28,9 @@ def find_fast_sampling(dataset: Dataset) -> list[Finding]:
     if rows <= _LARGE:
         return []
     step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in dataset.train])))
-    time = step * _lag(dataset.train)
-    if time < _MANY * step:
+    time = float(np.min(time_scales(dataset.train, idle=_IDLE)))
+    longest = max(recording.duration for recording in dataset.train)
+    if not _MANY * step <= time < longest:  # A longer one was not seen: the machine rests, or drifts.
         return []
     longer = _round(time / _NEEDED)
     times = f"{longer / step:.2g}"
@@ -46,19 +45,6 @@ def find_fast_sampling(dataset: Dataset) -> list[Finding]:
             "as fast.",
         )
     ]
-
-
-def _lag(recordings: Sequence[Trajectory]) -> float:
-    """Samples in which the liveliest rate changes by about its size, 1/(ω dt) for a sine: twice those of half of it."""
-    size = np.std(np.concatenate([recording.rates for recording in recordings]), axis=0)
-    moving = size > _IDLE * size.max(initial=0.0)
-    longest, lag = max(map(len, recordings)) - 1, 1
-    while lag < longest and np.any(moving):
-        changes = np.concatenate([recording.rates[lag:] - recording.rates[:-lag] for recording in recordings])
-        if np.any(np.sqrt(np.mean(changes**2, axis=0))[moving] >= size[moving] / 2):
-            break
-        lag = max(lag + 1, round(_GROWTH * lag))
-    return 2.0 * lag / _GROWTH
 
 
 def _round(step: float) -> float:

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from symoden.wording import first_few
+
 from ._dataset import Dataset
 from ._errors import DataError
 from ._trajectory import Trajectory
@@ -102,8 +104,7 @@ def _needed(trajectories: Sequence[Trajectory], fraction: float, min_samples: in
 def _lengths(trajectories: Sequence[Trajectory]) -> str:
     """How many recordings there are, and their lengths."""
     lengths = [str(len(trajectory)) for trajectory in trajectories]
-    more = ", …" if len(lengths) > _SHOWN else ""
-    of = f" of {', '.join(lengths[:_SHOWN])}{more} samples" if lengths else ""
+    of = f" of {first_few(lengths, _SHOWN)} samples" if lengths else ""
     return f"{len(lengths)} recording{'' if len(lengths) == 1 else 's'}{of}"
 
 

@@ -13,6 +13,7 @@ from symoden.data import Dataset, DataWarning, Trajectory, measure_noise, split_
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
+from symoden.wording import first_few
 
 from ._config import TrainingConfig
 from ._objective import Batch, Objective, channel_order, channel_weights
@@ -141,7 +142,7 @@ def name_short(dataset: Dataset, data: Data) -> None:
     samples = data.train.ts.shape[1]
     short = [recording.name for recording in dataset.train + dataset.validation if len(recording) < samples]
     if short:
-        names = ", ".join(f"`{name}`" for name in short[:_NAMED]) + (", …" if len(short) > _NAMED else "")
+        names = first_few((f"`{name}`" for name in short), _NAMED)
         message = f"{len(short)} of the recordings ({names}) are shorter than a window of {samples} samples: left out"
         warnings.warn(message, DataWarning, stacklevel=2)
 

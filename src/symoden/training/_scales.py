@@ -4,13 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from symoden.data import Trajectory
+from symoden.data import Trajectory, time_scales
 from symoden.known import KnownParts
 from symoden.models import KnownMagnitudes, Scales, known_magnitudes
 from symoden.spaces import Space
 
 _IDLE = 1e-3  # Share of the largest rate below which a coordinate rests.
-_MOST_FILLED = 10  # Samples in place of one where sampling is uneven.
 
 
 def measure_scales(
@@ -86,56 +85,15 @@ def states(trajectories: Sequence[Trajectory], *, momenta: bool) -> tuple[np.nda
 
 
 def time_scale(trajectories: Sequence[Trajectory]) -> float:
-    """Time in which rates change by about their own size [s]: twice the lag after which they have changed by half.
-
-    For a sine of angular frequency ω it is 1/ω, and so it is of one about a mean, such as the ripple of a wheel that
-    keeps turning. Differences over a lag, unlike derivatives, hardly feel noise.
+    """Time in which rates change by about their own size [s], see `time_scales`.
 
     Args:
         trajectories: Recordings.
 
     Returns:
-        Median of the time scales of the coordinates that move; the longest lag where rates change less.
+        Median of the time scales of the coordinates that move.
     """
-    step, recordings = _evenly(trajectories)
-    size = np.std(np.concatenate(recordings), axis=0)
-    moving = size > _IDLE * size.max(initial=0.0)
-    half = 0.5 * size[moving]
-    longest = max(map(len, recordings)) - 1
-    previous, before = np.zeros_like(half), 0
-    lags = np.full(half.shape, float(longest))
-    for lag in _lags(longest):
-        changes = [rates[lag:, moving] - rates[:-lag, moving] for rates in recordings]
-        change = np.sqrt(np.mean(np.concatenate(changes) ** 2, axis=0))
-        crossing = (previous < half) & (change >= half) & (lags == longest)
-        share = (half - previous) / np.maximum(change - previous, 1e-300)
-        lags[crossing] = (before + (lag - before) * share)[crossing]
-        previous, before = np.maximum(previous, change), lag
-        if np.all(change >= half):
-            break
-    return 2 * step * float(np.median(lags)) if lags.size else 2 * step * longest
-
-
-def _evenly(trajectories: Sequence[Trajectory]) -> tuple[float, list[np.ndarray]]:
-    """The usual sampling interval [s], and the rates of every recording at such intervals."""
-    steps = np.concatenate([np.diff(trajectory.ts) for trajectory in trajectories])
-    step = max(float(np.median(steps)), float(np.mean(steps)) / _MOST_FILLED)
-    found = []
-    for trajectory in trajectories:
-        rates = trajectory.rates
-        if np.abs(np.diff(trajectory.ts) - step).max() > step / 2:
-            ts = np.arange(trajectory.ts[0], trajectory.ts[-1], step)
-            rates = np.stack([np.interp(ts, trajectory.ts, column) for column in rates.T], axis=1)
-        found.append(rates)
-    return step, found
-
-
-def _lags(longest: int) -> list[int]:
-    """Every small lag, and larger ones a twentieth apart."""
-    lags = [1]
-    while lags[-1] < longest:
-        lags.append(min(longest, max(lags[-1] + 1, round(lags[-1] * 1.05))))
-    return lags
+    return float(np.median(time_scales(trajectories)))
 
 
 def _rms(samples: np.ndarray) -> np.ndarray:
