@@ -59,6 +59,41 @@ def test_importing_the_data_layer_imports_no_jax():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def untyped(train, test, rates="q"):
+    """What Python says of a data set where no types are checked, as a user's does."""
+    code = f"""
+import numpy as np
+from symoden.data import DataError, Dataset, Trajectory
+Trajectory.__repr__ = lambda self: self.name
+ts = np.arange(9.0)
+q = np.cos(ts)[:, None]
+try:
+    a, b = (Trajectory(name=name, ts=ts, q=k * q, rates={rates}, us=q) for k, name in enumerate("ab"))
+    data = Dataset(name="arm", space="T1", train={train}, test={test})
+    print(data.train, data.test, data.validation)
+except DataError as error:
+    print(error)
+"""
+    return subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.strip()
+
+
+def test_a_part_may_be_any_sequence_or_a_single_recording():
+    assert untyped("[a]", "b") == "(a,) (b,) ()"
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        (("'arm.toml'", "()"), "`arm`: `train` must be recordings, each a `Trajectory`; got str. `read_dataset` reads"),
+        (("a", "(ts,)"), "`arm`: `test` must be recordings, each a `Trajectory`; got ndarray."),
+        (("a", "b", "None"), "`a`: `rates` must be velocities or momenta; got None. `estimate_velocities(ts, q, name="),
+    ],
+    ids=["path", "array", "no velocities"],
+)
+def test_what_is_no_recording_is_refused_with_what_to_do(parts, message):
+    assert untyped(*parts).startswith(message)
+
+
 BAD = [
     ({"train": ()}, "at least one recording"),
     ({"test": (recording("b", 1, m=2),)}, "`a` has 1 and 1, `b` has 1 and 2"),

@@ -28,6 +28,7 @@ from symoden.experiments import (
 )
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
+from symoden.spaces import Space
 from symoden.training import AbstractPosterior, hold_out
 
 from ._output import TableText, number
@@ -196,7 +197,8 @@ def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, ba
 
     chosen = unseen(dataset)[1][:MOST_DRAWN]
     paths = recorded_paths(model, chosen, hold=dataset.hold, solver=evaluation_solver(config), bands=bands)
-    return draw_recorded(paths, config.data.position_names)
+    space = Space.parse(config.data.space)
+    return draw_recorded(paths, [space.title(name, i) for i, name in enumerate(config.data.position_names)])
 
 
 def facts(found: Inspection) -> Iterator[tuple[str, str]]:
@@ -233,9 +235,10 @@ def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> I
     if found.identified:
         rows = [(name, banded(value, certain and certain.identified[name])) for name, value in found.identified.items()]
         yield TableText("identified parameters", ("name", "value"), rows)
-    names = config.data.position_names, config.data.input_names
+    names, space = (config.data.position_names, config.data.input_names), Space.parse(found.space)
     for i, profile in enumerate(found.profiles):
-        yield from _profile_tables(profile, certain and certain.profiles[i], *names, given=found.given)
+        half = certain and certain.profiles[i]
+        yield from _profile_tables(profile, half, *names, title=space.title(names[0][i], i), given=found.given)
     for k, along in enumerate(found.friction):
         i, band = along.coordinate, certain and certain.friction[k]
         columns = (along.coefficient, band and band.coefficient), (along.force, band and band.force)
@@ -244,7 +247,7 @@ def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> I
             for j, v in enumerate(along.velocities)
         ]
         title = f"friction along the velocity of {names[0][i]}, the data's middle otherwise"
-        yield TableText(title, ("v", f"D[{i + 1}, {i + 1}]", "force D v"), rows)
+        yield TableText(title, (space.title("v", i, rate=True), f"D[{i + 1}, {i + 1}]", "force D v"), rows)
 
 
 def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
@@ -362,7 +365,13 @@ def banded(value: float, half_width: float | None) -> str:
 
 
 def _profile_tables(
-    profile: Profile, widths: Profile | None, positions: Sequence[str], inputs: Sequence[str], *, given: Collection[str]
+    profile: Profile,
+    widths: Profile | None,
+    positions: Sequence[str],
+    inputs: Sequence[str],
+    *,
+    title: str,
+    given: Collection[str],
 ) -> Iterator[TableText]:
     """Blocks along one coordinate: the energy's in one table, what acts in another."""
     name = positions[profile.coordinate]
@@ -378,4 +387,4 @@ def _profile_tables(
                 [number(value), *(banded(curves[head][k], None if half is None else half[head][k]) for head in curves)]
                 for k, value in enumerate(profile.values)
             ]
-            yield TableText(f"along {name}{others}{note}", (name, *curves), rows)
+            yield TableText(f"along {name}{others}{note}", (title, *curves), rows)

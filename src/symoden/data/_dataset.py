@@ -1,8 +1,9 @@
 """Recordings of one mechanism, with what is known of their meaning."""
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from symoden.known import KnownParts
 
 from ._errors import DataError
 from ._trajectory import Trajectory, finite_numbers
+
+_PARTS: Final = ("train", "test", "validation")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,13 +60,16 @@ class Dataset:
         """Complete the names, unwrap angles, and refuse parts that do not belong together.
 
         Raises:
-            DataError: If there is no recording, sizes differ, or a part is repeated in another one.
+            DataError: If a part is no sequence of recordings, there is no recording, sizes differ, or a part is
+                repeated in another one.
         """
+        for part in _PARTS:
+            object.__setattr__(self, part, _recordings(self.name, part, getattr(self, part)))
         if not self.recordings:
             raise DataError(f"`{self.name}`: a data set must have at least one recording; got none.")
         _refuse_mixed_sizes(self.name, self.recordings)
         is_angle = _angles_of(self.name, self.space, self.size)
-        for part in ("train", "test", "validation"):
+        for part in _PARTS:
             object.__setattr__(self, part, tuple(_unwrapped(each, is_angle) for each in getattr(self, part)))
         _refuse_shared_recordings(self)
         if self.hold not in ("zero", "linear"):
@@ -101,6 +107,17 @@ class Dataset:
     def inputs(self) -> int:
         """Number of inputs m."""
         return self.recordings[0].us.shape[1]
+
+
+def _recordings(name: str, part: str, given: Iterable[Trajectory]) -> tuple[Trajectory, ...]:
+    """The recordings of a part, whatever holds them."""
+    every = tuple(given) if isinstance(given, Iterable) else (given,)
+    if wrong := [each for each in every if not isinstance(each, Trajectory)]:
+        raise DataError(
+            f"`{name}`: `{part}` must be recordings, each a `Trajectory`; got {type(wrong[0]).__name__}. "
+            "`read_dataset` reads a description of files."
+        )
+    return every
 
 
 def _refuse_mixed_sizes(name: str, recordings: tuple[Trajectory, ...]) -> None:
@@ -143,7 +160,7 @@ def _unwrapped(recording: Trajectory, is_angle: np.ndarray) -> Trajectory:
 
 def _refuse_shared_recordings(dataset: Dataset) -> None:
     """Refuse a recording that is in two parts: a test on what was learned from tells nothing."""
-    parts = {"train": dataset.train, "test": dataset.test, "validation": dataset.validation}
+    parts = {part: getattr(dataset, part) for part in _PARTS}
     seen: dict[tuple[bytes, ...], tuple[str, str]] = {}
     for part, recordings in parts.items():
         for recording in recordings:

@@ -46,6 +46,11 @@ class Trajectory:
         Raises:
             DataError: If a shape, a value, the order of the times, the number of initial samples or the gain is wrong.
         """
+        if self.rates is None:
+            raise DataError(
+                f"`{self.name}`: `rates` must be velocities or momenta; got None. `estimate_velocities(ts, q, name=…)` "
+                "makes velocities of positions."
+            )
         for field, axes in (("ts", 1), ("q", 2), ("rates", 2), ("us", 2)):
             object.__setattr__(
                 self, field, finite_numbers(getattr(self, field), f"`{self.name}`: `{field}`", axes=axes)
@@ -139,9 +144,10 @@ def finite_numbers(values: object, what: str, *, axes: int) -> np.ndarray:
     except ValueError as error:
         raise DataError(f"{what} must be an array of numbers; got rows of different length.") from error
     if array.dtype.kind not in "biuf" or array.ndim != axes:
+        column = " An array `x` of one axis becomes a column by `x[:, None]`." if (array.ndim, axes) == (1, 2) else ""
         raise DataError(
             f"{what} must be an array of real numbers with {axes} ax{'is' if axes == 1 else 'es'}; "
-            f"got {array.dtype} with shape {array.shape}."
+            f"got {array.dtype} with shape {array.shape}.{column}"
         )
     array = array.astype(np.float64)
     unfit = np.argwhere(~np.isfinite(array))

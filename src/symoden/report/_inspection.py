@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from symoden.experiments import Certainty, Inspection
+from symoden.spaces import Space
 
 from ._style import COLOURS, DASHES, LABEL, SMALL, tidy
 
@@ -91,19 +92,20 @@ def _panels(
 ) -> list[functools.partial[Axes]]:
     """What to draw in the row of one coordinate."""
     profile, widths = found.profiles[k], certain and certain.profiles[k]
+    space = Space.parse(found.space)
     curves = profile.energy_curves() | profile.port_curves(positions, inputs, found.given)
     half = widths and widths.energy_curves() | widths.port_curves(positions, inputs, found.given)
     groups = {"M": "M", "V": "V - min V", "g": "g", "D": "D at half of the largest velocities"}
-    panels = []
+    title, panels = space.title(positions[k], k), []
     for letter, symbol in groups.items():
         chosen = {name: values for name, values in curves.items() if name.startswith(letter)}
         if chosen:
-            draw = functools.partial(plot_curves, profile.values, chosen, half, coordinate=positions[k], symbol=symbol)
+            draw = functools.partial(plot_curves, profile.values, chosen, half, coordinate=title, symbol=symbol)
             panels.append(draw)
     if found.friction:
         along, band = found.friction[k], certain and certain.friction[k]
         force, bands = {"D v": along.force}, band and {"D v": band.force}
-        coordinate = f"velocity of {positions[k]}"
+        coordinate = space.title(f"velocity of {positions[k]}", k, rate=True)
         draw = functools.partial(plot_curves, along.velocities, force, bands, coordinate=coordinate, symbol="friction")
         panels.append(draw)
     return panels

@@ -18,25 +18,25 @@ _BAND: Final = 0.25
 _ROOM: Final = 0.15  # Above and below what was measured, relative to its range.
 
 
-def draw_recorded(recordings: Sequence[RecordedPaths], names: Sequence[str]) -> Figure:
+def draw_recorded(recordings: Sequence[RecordedPaths], titles: Sequence[str]) -> Figure:
     """Draw each coordinate of each recording over time, with rollouts.
 
     Args:
         recordings: What to draw, a row for each; at least one.
-        names: Names of the coordinates, a column for each.
+        titles: What to call the coordinates, a column for each.
 
     Returns:
         A figure of its own size.
     """
-    width, height = (size * count + 0.8 for size, count in zip(_PANEL, (len(names), len(recordings)), strict=True))
+    width, height = (size * count + 0.8 for size, count in zip(_PANEL, (len(titles), len(recordings)), strict=True))
     figure = Figure(figsize=(width, height), layout="constrained")
-    panels = figure.subplots(len(recordings), len(names), squeeze=False)
+    panels = figure.subplots(len(recordings), len(titles), squeeze=False)
     for row, recording in zip(panels, recordings, strict=True):
         for index, ax in enumerate(row):
             plot_recorded(recording, index, ax=ax)
         row[0].set_ylabel(recording.name, fontsize=SMALL)
-    for ax, name in zip(panels[0], names, strict=True):
-        ax.set_title(name, fontsize=LABEL)
+    for ax, title in zip(panels[0], titles, strict=True):
+        ax.set_title(title, fontsize=LABEL)
     for ax in panels[-1]:
         ax.set_xlabel("time [s]", fontsize=LABEL)
     handles: list[Line2D | Patch] = [

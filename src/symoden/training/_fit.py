@@ -93,6 +93,7 @@ def fit(
         The model and how training ended.
 
     Raises:
+        TypeError: If `dataset` is something else.
         TrainingError: If no model was found whose errors are finite and no larger than the motion.
         ValueError: If members are wanted and training has no Levenberg-Marquardt.
         DataError: If every recording is shorter than a window.
@@ -109,6 +110,11 @@ def fit(
         >>> result.outcome
         'all steps taken'
     """
+    if not isinstance(dataset, Dataset):
+        raise TypeError(
+            f"Training must be given a `Dataset`; got {type(dataset).__name__}. `read_dataset` reads a description of "
+            "files."
+        )
     model, config = model or ModelConfig(), config or TrainingConfig()
     check_members(members, config)
     journal = Journal(folder=folder)
