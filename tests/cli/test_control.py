@@ -9,13 +9,15 @@ from PIL import Image
 
 from symoden.cli import main
 from symoden.control import METHODS
-from symoden.experiments import RunConfig, machine_of, read_source, summarize, write_run
+from symoden.experiments import RunConfig, machine_of, read_model, read_source, summarize, write_run
 from symoden.known import KnownParts
 from symoden.models import build, save
 from symoden.spaces import Space
-from symoden.training import TrainingConfig
+from symoden.training import Ensemble, TrainingConfig
+from symoden.training._ensemble import save_ensemble
+from symoden.training._flatten import Flattening, cast
 
-from .conftest import SMALL
+from .conftest import SMALL, write_untrained_run
 
 QUICK = ("--episodes", "3", "--duration", "3", "--period", "0.02")
 
@@ -106,10 +108,48 @@ def test_what_does_not_suit_is_one_message(near_pendulum, capsys, words, message
     assert message in error
 
 
-def test_a_data_set_needs_a_named_machine(arm_run, capsys):
+def test_a_data_set_needs_a_target_or_a_named_machine(arm_run, capsys):
     assert main(["control", str(arm_run)]) == 2
-    assert "`symoden.design(" in (refusal := capsys.readouterr().err)
-    assert "`--env` names a simulated machine" in refusal
+    assert "`--target 3.14 0` [rad, m], a number for each" in (refusal := capsys.readouterr().err)
+    assert "name a simulated machine by `--env`" in refusal
+
+
+def test_a_controller_is_tried_on_the_learned_model(arm_run, tmp_path, capsys):
+    figure = tmp_path / "control.png"
+    words = ["control", str(arm_run), "--target", "-1.5", *QUICK, "--figure", str(figure)]
+    assert main([*words, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert (answer["env"], answer["models"], answer["episodes"]) == ("model", 1, 3)
+    assert answer["max_input"] == pytest.approx([1.0], abs=0.01)  # the largest in the logs
+    assert figure.exists()
+    assert main(words) == 0
+    assert "on the learned model, inputs up to" in capsys.readouterr().out
+
+
+def test_an_ensemble_stands_in_for_the_machine(arm, tmp_path, capsys):
+    run = write_untrained_run(tmp_path / "run", arm, members=2)
+    restore, theta = Flattening.of(cast(read_model(run), float), corrections=0)
+    others = np.asarray(theta) + 0.1 * np.random.default_rng(0).normal(size=(2, theta.size))
+    found = Ensemble(restore=restore, theta=np.asarray(theta), windows=9, members=others, tried=2, corrections=0)
+    save_ensemble(run / "ensemble.safetensors", found)
+    assert main(["control", str(run), "--target", "0.5", *QUICK]) == 0
+    assert "on 2 models that the data do not tell apart" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--target", "1", "2"], "The target must be 1 finite numbers, one for each coordinate of T1; got 1.0, 2.0"),
+        (["--target", "nan"], "finite numbers"),
+        (["--env", "model"], "needs `--target`"),
+        (["--target", "0", "--env", "symoden/DampedPendulum-v0"], "goes to where it is upright"),
+        (["--target", "0", "--video", "a.gif"], "how a learned one looks is not known"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_what_no_learned_machine_can_do_is_one_message(arm_run, capsys, words, message):
+    assert main(["control", str(arm_run), *words]) == 2
+    assert message in capsys.readouterr().err.splitlines()[-1]
 
 
 def test_every_task_has_its_machine():

@@ -2,12 +2,18 @@
 
 import equinox as eqx
 import hypothesis.strategies as st
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
 
-from symoden.control import EnergyShaping
+from symoden.control import EnergyShaping, Loop, judge, run_episodes
+from symoden.control._shaping import _COMPENSATED as COMPENSATED
+from symoden.known import KnownParts
+from symoden.mechanics import AbstractPortHamiltonian
+from symoden.models import ModelConfig, build
+from symoden.spaces import Space
 
 from .conftest import CART_POLE, FULL, PENDULUM, rate_of
 
@@ -28,8 +34,23 @@ def test_the_desired_energy_falls_by_friction_and_by_damping_alone(name, values)
     q, v = state(name, values)
     rate, _ = rate_of(system, controller, q, v)
     friction = float(v @ system.dissipation_matrix(q, v) @ v)
-    assert rate <= -friction + 1e-9
+    assert rate <= -(1 - COMPENSATED) * friction + 1e-9
     assert float(controller.desired_energy(q, v)) >= 0
+
+
+def test_dry_friction_does_not_make_the_way_a_creep():
+    rough = KnownParts(
+        mass_matrix=[["1/3"]],
+        potential_energy="5*cos(q1)",
+        input_matrix=[[1]],
+        dissipation_matrix=[["2/sqrt(v1**2 + 0.01)"]],  # 2 N m, smoothed below 0.1 rad/s
+    )
+    plant = build(ModelConfig(), Space.parse("T1"), 1, known=rough, key=jax.random.key(0))
+    assert isinstance(plant, AbstractPortHamiltonian)
+    controller = EnergyShaping.of(plant, [0.0], limits=10.0)
+    starts = np.array([[-3.0], [-1.0], [0.5], [2.0]])
+    verdict = judge(run_episodes(plant, controller, starts, 0 * starts, Loop(duration=10.0)), plant.space, np.zeros(1))
+    assert verdict.success.all()
 
 
 @pytest.mark.parametrize("name", FULL)

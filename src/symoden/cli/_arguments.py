@@ -238,10 +238,14 @@ class Control:
     The controller knows the model alone. An episode succeeds if every coordinate stays within 0.05 rad or m of the
     target, and every velocity within 0.1, for its last 2 s. The machine's input is held for each control period.
 
+    Of your own machine there is no simulation: with --target the controller is tried on the learned model, or on all
+    models of the run's ensemble in turn (`symoden train … --members 8`), which the data do not tell apart.
+
     Attributes:
         run: Folder of the run.
         env: Machine: symoden/DampedPendulum-v0, symoden/DampedCartPole-v0, symoden/DampedAcrobot-v0,
-            symoden/FullyActuatedCartPole-v0 or symoden/FullyActuatedAcrobot-v0.
+            symoden/FullyActuatedCartPole-v0 or symoden/FullyActuatedAcrobot-v0; or model, the learned one.
+        target: Where to go, a number for each coordinate [rad or m]; of a simulated machine it is upright.
         method: How: energy-shaping, ida-pbc, controlled-lagrangian, swing-up, tracking or lqr.
         max_input: Largest magnitude of every input [N or N m].
         noise: Standard deviation of the noise on every measured coordinate and velocity; a Kalman filter on the model
@@ -257,9 +261,12 @@ class Control:
     """
 
     run: RunFolder
-    env: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(default: the run's task)")] = None
+    env: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(default: the run's task, or its model)")] = None
+    target: Annotated[tuple[float, ...], arg(metavar="Q [Q ...]", help_behavior_hint="(default: upright)")] = ()
     method: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: what suits the system)")] = None
-    max_input: Annotated[float | None, arg(metavar="U", help_behavior_hint="(default: the machine's)")] = None
+    max_input: Annotated[
+        float | None, arg(metavar="U", help_behavior_hint="(default: the machine's, or the largest in the logs)")
+    ] = None
     noise: Annotated[float, arg(metavar="S")] = 0.0
     period: Annotated[float, arg(metavar="T")] = 0.005
     delay: Annotated[float, arg(metavar="T")] = 0.0

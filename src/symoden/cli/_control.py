@@ -9,15 +9,21 @@ import numpy as np
 
 from symoden.control import METHODS, Loop, Method
 from symoden.experiments import (
+    LEARNED,
     ControlConfig,
     ControlResult,
+    RunConfig,
+    learned_machine,
     machine_of,
     outside_data,
+    read_ensemble,
     read_model,
     read_run,
     try_control,
 )
+from symoden.mechanics import AbstractDynamics
 from symoden.storage import write_atomically
+from symoden.systems import Machine
 
 from ._arguments import Control
 from ._figure import check_figure, save_figure
@@ -44,8 +50,12 @@ def run(command: Control) -> None:
         seed=command.seed,
     )
     config = read_run(command.run)
-    machine = machine_of(config.source, command.env)
-    result = try_control(read_model(command.run), machine, settings, tell=_tell)
+    model, plants = read_model(command.run), ()
+    if command.target or command.env == LEARNED:
+        machine, plants = _learned(command, config, model)
+    else:
+        machine = machine_of(config.source, command.env)
+    result = try_control(model, machine, settings, plants=plants, tell=_tell)
     outside = outside_data(result, config.data.ranges)
     names = config.data.position_names, config.data.input_names
     if command.figure is not None:
@@ -61,11 +71,28 @@ def run(command: Control) -> None:
                 print(f"{what}: {path}")
 
 
+def _learned(
+    command: Control, config: RunConfig, model: AbstractDynamics
+) -> tuple[Machine, tuple[AbstractDynamics, ...]]:
+    """The model in place of its machine, and the others of its ensemble, to be tried on."""
+    if command.env not in (None, LEARNED):
+        raise ValueError(
+            f"`--target` is for the learned model; {command.env} goes to where it is upright. Leave one of them out."
+        )
+    if not command.target:
+        raise ValueError("The learned model needs `--target`: where to go, a number for each coordinate [rad or m].")
+    ensemble = read_ensemble(command.run, model, config)
+    plants = () if ensemble is None else tuple(ensemble.models())
+    return learned_machine(model, command.target, config.data.ranges), plants
+
+
 def _check_files(command: Control) -> None:
     """Refuse files of unknown formats before anything takes time."""
     check_figure(command.figure)
     if command.video is not None and command.video.suffix.lower() != ".gif":
         raise ValueError(f"`--video` must end in .gif; got `{command.video}`.")
+    if command.video is not None and (command.target or command.env == LEARNED):
+        raise ValueError("`--video` needs a simulated machine: how a learned one looks is not known. Use `--figure`.")
 
 
 def _tell(text: str) -> None:
@@ -77,7 +104,7 @@ def _print(result: ControlResult, settings: ControlConfig, outside: float) -> No
     """How it went, in words."""
     verdict, audit, loop = result.verdict, result.audit, settings.loop
     limits = ", ".join(number(limit) for limit in result.limits)
-    print(f"{result.method} on {result.machine.name}, inputs up to {limits}, every {1e3 * loop.period:g} ms")
+    print(f"{result.method} on {result.tried_on}, inputs up to {limits}, every {1e3 * loop.period:g} ms")
     rows = [
         ["successes", f"{int(verdict.success.sum())} of {len(verdict.success)}"],
         ["median settling time [s]", result.settling],
@@ -119,6 +146,7 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
         "noise": loop.noise,
         "period_s": loop.period,
         "delay_s": loop.delay,
+        "models": result.plants,
         "duration_s": loop.duration,
         "seed": settings.seed,
         "position_error": float(np.median(verdict.position_error)),

@@ -15,6 +15,7 @@ from ._design import (
     Tell as Tell,
     choose_method as choose_method,
     design as design,
+    lowest as lowest,
     silent as silent,
 )
 from ._follower import Follower as Follower
@@ -64,6 +65,7 @@ __all__ = [
     "energy_rate",
     "judge",
     "linearize",
+    "lowest",
     "plan_motion",
     "run_episodes",
     "silent",

@@ -15,6 +15,7 @@ from ._controller import AbstractController, Limits, Target, as_array, input_lim
 from ._motion import gradient
 from ._scales import bandwidth, static_load
 
+_COMPENSATED = 0.8  # Of the friction.
 _SHARE = 0.5  # of what the limits leave beside the static load; the rest is for damping.
 
 
@@ -24,12 +25,13 @@ class EnergyShaping(AbstractController):
 
     With y = gᵀ v the passive output and e the way from the target to q, angles the short way round,
 
-        u = g⁻¹ (∇V(q) − ∇V_d(q)) − s √w K y,   V_d = s_e / (1 + √(1 + s_e/δ²)),   s_e = eᵀ K_p e,
+        u = g⁻¹ (∇V(q) − ∇V_d(q)) + s (κ g⁻¹ D v − √w K y),   V_d = s_e / (1 + √(1 + s_e/δ²)),   s_e = eᵀ K_p e,
 
-    so that H_d = ½ vᵀ M v + V_d falls: Ḣ_d = −vᵀ D v − s √w yᵀ K y. V_d is ½ eᵀ K_p e near the target and grows
+    so that H_d = ½ vᵀ M v + V_d falls: Ḣ_d ≤ −(1 − κ) vᵀ D v − s √w yᵀ K y. Dry friction would make the way to the
+    target a creep; the input makes up for κ of it, and less than all, since it is known but roughly. V_d is ½ eᵀ K_p e near the target and grows
     linearly far from it: δ is such that g⁻¹ ∇V_d needs half of what the limits leave beside the static load; where the
     force of V_d is w times the linear one, √w keeps the damping ratio. The factor s(q, v) ∈ [0, 1] is the largest with
-    which damping stays within the limits, so that Ḣ_d ≤ 0 holds under limits too.
+    which inputs stay within the limits, so that Ḣ_d ≤ 0 holds under limits too.
 
     Attributes:
         model: System or learned model.
@@ -140,6 +142,9 @@ class EnergyShaping(AbstractController):
         forces = gradient(self.model, q) - jax.grad(self.desired_potential)(q)
         shaping = saturate(jnp.linalg.solve(g, forces), self.limits)
         braking = -(self._softness(q) ** 0.5) * self.damping @ (g.T @ v)
+        D = self.model.dissipation_matrix(q, v)
+        if D.shape[0] == self.model.space.size:
+            braking += _COMPENSATED * jnp.linalg.solve(g, D @ v)
         return saturate(shaping + fitting(shaping, braking, self.limits), self.limits)
 
     def _softness(self, q: Coordinates) -> Scalar:

@@ -12,9 +12,11 @@ from ._block_errors import BlockErrors as BlockErrors, block_errors as block_err
 from ._cells import Cell as Cell, CellResult as CellResult, cells as cells
 from ._certainty import Certainty as Certainty, certainty as certainty
 from ._control import (
+    LEARNED as LEARNED,
     ControlConfig as ControlConfig,
     ControlResult as ControlResult,
     initial_states as initial_states,
+    learned_machine as learned_machine,
     machine_of as machine_of,
     outside_data as outside_data,
     try_control as try_control,
@@ -71,6 +73,7 @@ from ._runs import (
     RunConfig as RunConfig,
     evaluation_solver as evaluation_solver,
     holds_run as holds_run,
+    read_ensemble as read_ensemble,
     read_model as read_model,
     read_posterior as read_posterior,
     read_run as read_run,
@@ -172,6 +175,7 @@ __all__ = [
     "predict",
     "preset",
     "read_contests",
+    "read_ensemble",
     "read_model",
     "read_posterior",
     "read_result",

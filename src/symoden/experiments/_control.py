@@ -1,7 +1,7 @@
 """Try a controller made from a run's model: on which machine, from which states, and how the episodes went."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final
@@ -29,6 +29,7 @@ from symoden.control import (
     design,
     desired_energies,
     judge,
+    lowest,
     run_episodes,
     silent,
 )
@@ -37,6 +38,7 @@ from symoden.systems import MACHINES, Machine, Pendulum
 
 from ._ranges import Ranges
 
+LEARNED: Final = "model"
 _CALLS: Final = 2000
 _LEAST_NOISE: Final = 1e-3
 _WARM: Final = 50
@@ -96,6 +98,7 @@ class ControlResult:
         method: How the controller was made.
         controller: The controller.
         limits: Largest magnitude of each input.
+        plants: Number of systems that stood in for the machine, in turn.
         episodes: Records of the true states.
         energy: Desired energy along each record.
         verdict: How each episode ended.
@@ -109,6 +112,7 @@ class ControlResult:
     method: Method
     controller: AbstractController
     limits: tuple[float, ...]
+    plants: int
     episodes: Episode
     energy: Float[np.ndarray, "k T"]
     verdict: Verdict
@@ -116,6 +120,13 @@ class ControlResult:
     matching: Matching | None
     controller_ms: float
     design_s: float
+
+    @property
+    def tried_on(self) -> str:
+        """What the controller was tried on, in words."""
+        if self.machine.name != LEARNED:
+            return self.machine.name
+        return "the learned model" if self.plants == 1 else f"{self.plants} models that the data do not tell apart"
 
     @property
     def settling(self) -> float:
@@ -154,10 +165,38 @@ def machine_of(source: str, env: str | None) -> Machine:
     if source == _HANGING.name:
         return _HANGING
     raise ValueError(
-        f"The run was trained on `{source}`, and there is no simulation of that machine to try a controller on. In "
-        'Python `symoden.design(symoden.load("RUN/model.safetensors"), target)` makes one for your own loop; `--env` '
-        f"names a simulated machine if the logs are of one: {', '.join(MACHINES)}."
+        f"The run was trained on `{source}`, and there is no simulation of that machine. Name where to go, and the "
+        "controller is tried on the learned model itself: `--target 3.14 0` [rad, m], a number for each coordinate; or "
+        f"name a simulated machine by `--env` if the logs are of one: {', '.join(MACHINES)}."
     )
+
+
+def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ranges) -> Machine:
+    """A learned model in place of its machine.
+
+    Args:
+        model: The model.
+        target: Where to go.
+        ranges: Ranges of its training data; the inputs' largest magnitudes there limit them.
+
+    Returns:
+        The machine.
+
+    Raises:
+        ValueError: If the target is no configuration, or the model has no inputs, or none that ever acted.
+    """
+    if len(target) != model.space.size or not np.isfinite(target).all():
+        raise ValueError(
+            f"The target must be {model.space.size} finite numbers, one for each coordinate of {model.space}; got "
+            f"{', '.join(map(str, target))}."
+        )
+    limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
+    if not limits or not min(limits) > 0:
+        raise ValueError(
+            "A controller needs inputs that acted in the training data; "
+            + ("the model has none." if not limits else f"their largest magnitudes there are {limits}.")
+        )
+    return Machine(name=LEARNED, system=model, upright=tuple(map(float, target)), max_input=limits)
 
 
 def initial_states(
@@ -166,7 +205,8 @@ def initial_states(
     """Random states to start from, as far from the target as the method claims to reach.
 
     What only holds the target starts within 0.6 rad of it, lengths within 0.5 m; an acrobot within 0.2 rad of it, or of
-    hanging if it swings up; everything else starts anywhere, with the speeds of the paper's tasks.
+    where its potential energy is lowest if it swings up; everything else starts anywhere, with the speeds of the
+    paper's tasks.
 
     Args:
         machine: What is controlled.
@@ -182,7 +222,8 @@ def initial_states(
     share_q, share_v = generator.uniform(-1, 1, (2, episodes, space.size))
     acrobot = space.size > machine.system.inputs and all(space.is_angle)
     if method == "swing-up" and acrobot:
-        return 0.2 * share_q, 0.1 * share_v
+        hanging = lowest(machine.system, jnp.asarray(machine.upright))
+        return np.asarray(hanging) + 0.2 * share_q, 0.1 * share_v
     near = method in {"ida-pbc", "controlled-lagrangian", "lqr"}
     size = np.where(space.is_angle, (0.2 if acrobot else 0.6) if near else np.pi, 0.5)
     speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
@@ -190,7 +231,12 @@ def initial_states(
 
 
 def try_control(
-    model: AbstractDynamics, machine: Machine, config: ControlConfig, *, tell: Tell = silent
+    model: AbstractDynamics,
+    machine: Machine,
+    config: ControlConfig,
+    *,
+    plants: Sequence[AbstractDynamics] = (),
+    tell: Tell = silent,
 ) -> ControlResult:
     """Make a controller from a model and try it on a machine.
 
@@ -198,6 +244,8 @@ def try_control(
         model: Learned model, or the true system for comparison; the controller knows nothing else.
         machine: What is controlled.
         config: What is tried.
+        plants: Systems that stand in for the machine in turn, such as the models that the data do not tell apart; the
+            machine's own if there are none.
         tell: Called with what is being done.
 
     Returns:
@@ -221,12 +269,19 @@ def try_control(
     q0, v0 = initial_states(machine, method, config.episodes, config.seed)
     tell(f"{config.episodes} episodes of {loop.duration:g} s")
     observer = Observer(model, max(loop.noise, _LEAST_NOISE)) if loop.noise or loop.delay else None
-    episodes = run_episodes(system, controller, q0, v0, loop, observer=observer, seed=config.seed)
+    every = (plants or (system,))[: config.episodes]
+    shares = [slice(k, None, len(every)) for k in range(len(every))]
+    parts = [
+        run_episodes(plant, controller, q0[share], v0[share], loop, observer=observer, seed=config.seed + k)
+        for k, (plant, share) in enumerate(zip(every, shares, strict=True))
+    ]
+    episodes = jax.tree.map(lambda *each: jnp.concatenate(each), *parts)
     return ControlResult(
         machine=machine,
         method=method,
         controller=controller,
         limits=limits,
+        plants=len(every),
         episodes=episodes,
         energy=desired_energies(controller, episodes),
         verdict=_judged(controller, episodes, machine),

@@ -22,6 +22,7 @@ from symoden.training import (
     FEWEST_MEMBERS,
     MODEL,
     AbstractPosterior,
+    Ensemble,
     FitResult,
     Progress,
     TrainingConfig,
@@ -278,13 +279,30 @@ def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dat
         ValueError: If there is no ensemble and the model has too many parameters for the other way.
         StorageError: If the ensemble is damaged, or that of another model.
     """
+    ensemble = read_ensemble(folder, model, config)
+    return infer_posterior(model, dataset, config.training) if ensemble is None else ensemble
+
+
+def read_ensemble(folder: Path, model: AbstractDynamics, config: RunConfig) -> Ensemble | None:
+    """The models that were trained like a run's.
+
+    Args:
+        folder: Folder of the run.
+        model: Its model.
+        config: Its settings.
+
+    Returns:
+        The ensemble; None where the run is to have none, or has too few members to tell anything.
+
+    Raises:
+        StorageError: If it is damaged, or that of another model.
+    """
     path = folder / ENSEMBLE
-    if config.members and path.is_file():
-        ensemble = load_ensemble(path, model)
-        ensemble = dataclasses.replace(ensemble, members=ensemble.members[: config.members])
-        if len(ensemble.members) >= FEWEST_MEMBERS:
-            return ensemble
-    return infer_posterior(model, dataset, config.training)
+    if not config.members or not path.is_file():
+        return None
+    ensemble = load_ensemble(path, model)
+    ensemble = dataclasses.replace(ensemble, members=ensemble.members[: config.members])
+    return ensemble if len(ensemble.members) >= FEWEST_MEMBERS else None
 
 
 def evaluation_solver(config: RunConfig) -> RK4:

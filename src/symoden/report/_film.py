@@ -9,7 +9,7 @@ import numpy as np
 
 from symoden.drawing import draw_chain
 from symoden.experiments import ControlResult
-from symoden.systems import CartPole
+from symoden.systems import AbstractPlanarMechanism, CartPole
 
 _RATE: Final = 20  # frames a second
 _AFTER: Final = 2.0  # seconds shown after the target is reached
@@ -27,12 +27,15 @@ def film(result: ControlResult) -> bytes:
 
     Raises:
         ModuleNotFoundError: If Pillow is not installed.
+        TypeError: If nobody knows how the machine looks.
     """
     try:
         from PIL import Image
     except ModuleNotFoundError:
         raise ModuleNotFoundError('Animations need Pillow. Install "symoden[plot]".') from None
     system, k = result.machine.system, result.shown
+    if not isinstance(system, AbstractPlanarMechanism):
+        raise TypeError(f"An animation needs a mechanism whose joints have places; got {type(system).__name__}.")
     ts, q = np.asarray(result.episodes.ts[k]), np.asarray(result.episodes.q[k])
     settled = result.verdict.settling[k]
     end = ts[-1] if np.isnan(settled) else min(ts[-1], settled + _AFTER)

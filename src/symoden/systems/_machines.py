@@ -4,27 +4,31 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Final, Generic, TypeVar
+
+from symoden.mechanics import AbstractDynamics
 
 from ._acrobot import Acrobot
 from ._cart_pole import CartPole
 from ._pendulum import Pendulum
 from ._planar import AbstractPlanarMechanism
 
+System = TypeVar("System", bound=AbstractDynamics, covariant=True)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Machine:
-    """A system to control, with the parameters of the paper's tasks.
+class Machine(Generic[System]):
+    """A system to control.
 
     Attributes:
-        name: Identity of its environment.
-        system: The true system.
-        upright: Configuration of the highest potential energy, lengths being zero.
+        name: Identity of its environment; that of a learned model is "model".
+        system: The true system, or the model.
+        upright: Where to go: the configuration of the highest potential energy, lengths being zero.
         max_input: Largest magnitude of each input that its motors give [N or N m].
     """
 
     name: str
-    system: AbstractPlanarMechanism
+    system: System
     upright: tuple[float, ...]
     max_input: tuple[float, ...]
 
@@ -32,7 +36,7 @@ class Machine:
 _POLE_DAMPING: Final = 0.05
 _DAMPINGS: Final = (0.2, 0.2)
 
-MACHINES: Final[Mapping[str, Machine]] = MappingProxyType(
+MACHINES: Final[Mapping[str, Machine[AbstractPlanarMechanism]]] = MappingProxyType(
     {
         machine.name: machine
         for machine in (
