@@ -28,10 +28,12 @@ class EnergyShaping(AbstractController):
         u = g⁻¹ (∇V(q) − ∇V_d(q)) + s (κ g⁻¹ D v − √w K y),   V_d = s_e / (1 + √(1 + s_e/δ²)),   s_e = eᵀ K_p e,
 
     so that H_d = ½ vᵀ M v + V_d falls: Ḣ_d ≤ −(1 − κ) vᵀ D v − s √w yᵀ K y. Dry friction would make the way to the
-    target a creep; the input makes up for κ of it, and less than all, since it is known but roughly. V_d is ½ eᵀ K_p e near the target and grows
-    linearly far from it: δ is such that g⁻¹ ∇V_d needs half of what the limits leave beside the static load; where the
-    force of V_d is w times the linear one, √w keeps the damping ratio. The factor s(q, v) ∈ [0, 1] is the largest with
-    which inputs stay within the limits, so that Ḣ_d ≤ 0 holds under limits too.
+    target a creep; the input makes up for κ of it, and less than all, since it is known but roughly.
+
+    V_d is ½ eᵀ K_p e near the target and grows linearly far from it: δ is such that g⁻¹ ∇V_d needs half of what the
+    limits leave beside the static load; where the force of V_d is w times the linear one, √w keeps the damping ratio.
+    The factor s(q, v) ∈ [0, 1] is the largest with which inputs stay within the limits, so that Ḣ_d ≤ 0 holds under
+    limits too.
 
     Attributes:
         model: System or learned model.
