@@ -107,8 +107,8 @@ class Space(eqx.Module):
             >>> Space.parse("R1 T1").title("theta", 1, rate=True)
             'theta [rad/s]'
         """
-        unit = " [rad/s]" if rate else " [rad]"
-        return name + unit * self.is_angle[coordinate]
+        unit = "rad/s" if rate else "rad"
+        return f"{name} [{unit}]" if self.is_angle[coordinate] else name
 
     def embed(self, q: Coordinates) -> Embedding:
         """Map coordinates to (r, cos φ, sin φ): all lengths, then all cosines, then all sines.

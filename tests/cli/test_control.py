@@ -133,14 +133,17 @@ def test_an_ensemble_stands_in_for_the_machine(arm, tmp_path, capsys):
     found = Ensemble(restore=restore, theta=np.asarray(theta), windows=9, members=others, tried=2, corrections=0)
     save_ensemble(run / "ensemble.safetensors", found)
     assert main(["control", str(run), "--target", "0.5", *QUICK]) == 0
-    assert "on 2 models that the data do not tell apart" in capsys.readouterr().out
+    assert "on 2 of the ensemble's models" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--target", "1", "2"], "The target must be 1 finite numbers, one for each coordinate of T1; got 1.0, 2.0"),
-        (["--target", "nan"], "finite numbers"),
+        (
+            ["--target", "1", "2"],
+            "The target must be one finite number for each of the 1 coordinates of T1; got 1.0, 2.0",
+        ),
+        (["--target", "nan"], "finite number"),
         (["--env", "model"], "needs `--target`"),
         (["--target", "0", "--env", "symoden/DampedPendulum-v0"], "goes to where it is upright"),
         (["--target", "0", "--video", "a.gif"], "how a learned one looks is not known"),

@@ -30,6 +30,8 @@ from symoden.control import (
 from symoden.control._attraction import follower_level
 from symoden.control._design import lowest
 from symoden.control._search import searched
+from symoden.known import KnownParts
+from symoden.mechanics import AbstractPortHamiltonian
 from symoden.models import ModelConfig, build, rescale
 from symoden.spaces import Space
 
@@ -117,6 +119,15 @@ def test_a_search_on_the_model_does_not_make_a_swing_up_worse():
     assert isinstance(found.far, CollocatedPump)
     assert away(found) < away(first)
     assert np.all(np.asarray(found.far.gains) > 0)
+
+
+def test_an_angle_without_weight_stays_where_it_is_lowest():
+    parts = KnownParts(mass_matrix=[[1, 0], [0, 1]], potential_energy="5*cos(q2)", input_matrix=[[1], [0]])
+    rotary = build(ModelConfig(), Space.parse("T2"), 1, known=parts, key=jax.random.key(0))
+    assert isinstance(rotary, AbstractPortHamiltonian)
+    found = lowest(rotary, jnp.zeros(2))
+    assert np.isfinite(found).all()
+    assert float(jnp.cos(found[1])) == pytest.approx(-1)
 
 
 def test_the_lowest_configuration_hangs():

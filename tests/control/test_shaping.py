@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from symoden.control import EnergyShaping, Loop, judge, run_episodes
-from symoden.control._shaping import _COMPENSATED as COMPENSATED
+from symoden.control._shaping import COMPENSATED
 from symoden.known import KnownParts
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.models import ModelConfig, build
@@ -35,6 +35,10 @@ def test_the_desired_energy_falls_by_friction_and_by_damping_alone(name, values)
     rate, _ = rate_of(system, controller, q, v)
     friction = float(v @ system.dissipation_matrix(q, v) @ v)
     assert rate <= -(1 - COMPENSATED) * friction + 1e-9
+    free = EnergyShaping.of(system, FULL[name][1])  # Without limits all of it acts.
+    y = system.input_matrix(q).T @ v
+    rate, _ = rate_of(system, free, q, v)
+    assert rate == pytest.approx(-(1 - COMPENSATED) * friction - float(y @ free.damping @ y), rel=1e-6, abs=1e-9)
     assert float(controller.desired_energy(q, v)) >= 0
 
 

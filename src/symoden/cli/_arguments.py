@@ -238,8 +238,8 @@ class Control:
     The controller knows the model alone. An episode succeeds if every coordinate stays within 0.05 rad or m of the
     target, and every velocity within 0.1, for its last 2 s. The machine's input is held for each control period.
 
-    Of your own machine there is no simulation: with --target the controller is tried on the learned model, or on all
-    models of the run's ensemble in turn (`symoden train … --members 8`), which the data do not tell apart.
+    Of your own machine there is no simulation: with --target the controller is tried on the learned model, or on the
+    models of the run's ensemble in turn (`symoden train … --members 8`), which differ where the data say little.
 
     Attributes:
         run: Folder of the run.

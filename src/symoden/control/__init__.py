@@ -3,6 +3,7 @@
 from ._attraction import attraction as attraction
 from ._audit import (
     LyapunovAudit as LyapunovAudit,
+    audit_energies as audit_energies,
     audit_energy as audit_energy,
     desired_energies as desired_energies,
     energy_rate as energy_rate,
@@ -24,6 +25,7 @@ from ._ida_pbc import IdaPbc as IdaPbc, Matching as Matching
 from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
 from ._lagrangian import ControlledLagrangian as ControlledLagrangian
 from ._loop import Episode as Episode, Loop as Loop, close_loop as close_loop, run_episodes as run_episodes
+from ._motion import rates_of as rates_of
 from ._observer import Estimate as Estimate, Observer as Observer
 from ._plan import Motion as Motion, plan_motion as plan_motion
 from ._pumps import CollocatedPump as CollocatedPump, EnergyPump as EnergyPump
@@ -57,6 +59,7 @@ __all__ = [
     "Tracking",
     "Verdict",
     "attraction",
+    "audit_energies",
     "audit_energy",
     "choose_method",
     "close_loop",
@@ -67,6 +70,7 @@ __all__ = [
     "linearize",
     "lowest",
     "plan_motion",
+    "rates_of",
     "run_episodes",
     "silent",
 ]

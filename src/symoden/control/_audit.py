@@ -1,5 +1,6 @@
 """Does the desired energy fall? Its rate along the closed loop, by formula, at the states that were visited."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -58,20 +59,30 @@ def audit_energy(plant: AbstractDynamics, controller: AbstractController, episod
     Raises:
         ValueError: If no sample is finite.
     """
-    n, m = episodes.q.shape[-1], episodes.u.shape[-1]
-    q, v = (np.asarray(part).reshape(-1, n) for part in (episodes.q, episodes.v))
-    ts = np.asarray(episodes.ts).reshape(-1)
-    finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
-    if not finite.any():
+    return audit_energies([(plant, episodes)], controller)
+
+
+def audit_energies(tried: Sequence[tuple[AbstractDynamics, Episode]], controller: AbstractController) -> LyapunovAudit:
+    """The same, at the samples of episodes of several systems.
+
+    Args:
+        tried: Systems, each with a batch of its episodes.
+        controller: The controller.
+
+    Returns:
+        Where the desired energy falls.
+
+    Raises:
+        ValueError: If no sample is finite.
+    """
+    found = [_sampled(plant, controller, episodes, _SHOWN // len(tried)) for plant, episodes in tried]
+    q, v, rates, u = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    if not rates.size:
         raise ValueError("Nothing to audit: every sample of the closed loop is NaN or infinite.")
-    q, v, ts = q[finite], v[finite], ts[finite]
-    every = -(-len(q) // _SHOWN)
-    q, v, ts = q[::every], v[::every], ts[::every]
-    rates, u = (np.asarray(part) for part in _rates(plant, controller, jnp.asarray(q), jnp.asarray(v), jnp.asarray(ts)))
     largest = float(np.abs(rates).max())
     holds = rates <= _TOLERANCE * largest
     at = int(np.argmax(rates))
-    limited = np.any(np.abs(u.reshape(-1, m)) >= np.asarray(controller.limits), axis=1)
+    limited = np.any(np.abs(u) >= np.asarray(controller.limits), axis=1)
     return LyapunovAudit(
         rates=rates,
         holds=holds,
@@ -81,6 +92,23 @@ def audit_energy(plant: AbstractDynamics, controller: AbstractController, episod
         worst_v=tuple(v[at].tolist()),
         saturated=float(limited[~holds].mean()) if not holds.all() else float("nan"),
     )
+
+
+def _sampled(
+    plant: AbstractDynamics, controller: AbstractController, episodes: Episode, most: int
+) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n"], Float[np.ndarray, " k"], Float[np.ndarray, "k m"]]:
+    """Finite samples of a batch of episodes: coordinates, velocities, dH_d/dt and inputs."""
+    n, m = episodes.q.shape[-1], episodes.u.shape[-1]
+    q, v = (np.asarray(part).reshape(-1, n) for part in (episodes.q, episodes.v))
+    ts = np.asarray(episodes.ts).reshape(-1)
+    finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
+    q, v, ts = q[finite], v[finite], ts[finite]
+    every = max(1, -(-len(q) // most))
+    q, v, ts = q[::every], v[::every], ts[::every]
+    if not len(q):
+        return q, v, np.zeros(0), np.zeros((0, m))
+    rates, u = _rates(plant, controller, jnp.asarray(q), jnp.asarray(v), jnp.asarray(ts))
+    return q, v, np.asarray(rates), np.asarray(u).reshape(-1, m)
 
 
 @eqx.filter_jit

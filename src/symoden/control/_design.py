@@ -35,6 +35,7 @@ _STARTS: Final = 16
 _PERIOD: Final = 0.01
 _CYCLIC: Final = 0.02
 _NEWTON: Final = 5
+_FLAT: Final = 1e-2  # Curvature, relative to the largest.
 
 
 def silent(text: str) -> None:
@@ -205,6 +206,6 @@ def lowest(model: AbstractPortHamiltonian, target: Coordinates) -> Coordinates:
         return potential(model, start.at[angles].set(free))
 
     free = start[angles]
-    for _ in range(_NEWTON):
-        free = free - jnp.linalg.solve(jax.hessian(height)(free), jax.grad(height)(free))
-    return start.at[angles].set(free)
+    for _ in range(_NEWTON):  # Along an angle that V hardly depends on there is nowhere to go.
+        free = free - jnp.linalg.pinv(jax.hessian(height)(free), rtol=_FLAT, hermitian=True) @ jax.grad(height)(free)
+    return start.at[angles].set(jnp.where(height(free) < height(start[angles]), free, start[angles]))

@@ -13,9 +13,9 @@ from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
 from ._motion import gradient
-from ._scales import bandwidth, static_load
+from ._scales import bandwidth, configurations, static_load
 
-_COMPENSATED = 0.8  # Of the friction.
+COMPENSATED = 0.8  # κ
 _SHARE = 0.5  # of what the limits leave beside the static load; the rest is for damping.
 
 
@@ -25,15 +25,16 @@ class EnergyShaping(AbstractController):
 
     With y = gᵀ v the passive output and e the way from the target to q, angles the short way round,
 
-        u = g⁻¹ (∇V(q) − ∇V_d(q)) + s (κ g⁻¹ D v − √w K y),   V_d = s_e / (1 + √(1 + s_e/δ²)),   s_e = eᵀ K_p e,
+        u = g⁻¹ (∇V(q) − ∇V_d(q)) − s √w K y + c κ g⁻¹ D v,   V_d = s_e / (1 + √(1 + s_e/δ²)),   s_e = eᵀ K_p e,
 
-    so that H_d = ½ vᵀ M v + V_d falls: Ḣ_d ≤ −(1 − κ) vᵀ D v − s √w yᵀ K y. Dry friction would make the way to the
-    target a creep; the input makes up for κ of it, and less than all, since it is known but roughly.
+    so that H_d = ½ vᵀ M v + V_d falls: Ḣ_d = −(1 − c κ) vᵀ D v − s √w yᵀ K y. Dry friction would make the way to the
+    target a creep; the input makes up for κ of it, and less than all, since it is known but roughly. (A D of 2n × 2n
+    takes energy out of more than the momenta: it is not made up for.)
 
     V_d is ½ eᵀ K_p e near the target and grows linearly far from it: δ is such that g⁻¹ ∇V_d needs half of what the
     limits leave beside the static load; where the force of V_d is w times the linear one, √w keeps the damping ratio.
-    The factor s(q, v) ∈ [0, 1] is the largest with which inputs stay within the limits, so that Ḣ_d ≤ 0 holds under
-    limits too.
+    The factors s(q, v) and then c(q, v) ∈ [0, 1] are the largest with which inputs stay within the limits, so that
+    Ḣ_d ≤ 0 holds under limits too.
 
     Attributes:
         model: System or learned model.
@@ -103,7 +104,8 @@ class EnergyShaping(AbstractController):
             )
         M, inverse = np.asarray(model.mass_matrix(goal)), np.linalg.inv(np.asarray(model.input_matrix(goal)))
         stiffness = omega**2 * np.diag(M)
-        steepness = np.sqrt(np.diag(inverse * stiffness @ inverse.T))
+        inverses = np.linalg.inv(np.asarray(jax.vmap(model.input_matrix)(configurations(model, goal))))
+        steepness = np.sqrt(np.einsum("kij,j,kij->ki", inverses, stiffness, inverses).max(axis=0))
         delta = np.min(_SHARE * room / steepness)
         return cls(
             model=model,
@@ -144,10 +146,11 @@ class EnergyShaping(AbstractController):
         forces = gradient(self.model, q) - jax.grad(self.desired_potential)(q)
         shaping = saturate(jnp.linalg.solve(g, forces), self.limits)
         braking = -(self._softness(q) ** 0.5) * self.damping @ (g.T @ v)
+        u = shaping + fitting(shaping, braking, self.limits)
         D = self.model.dissipation_matrix(q, v)
         if D.shape[0] == self.model.space.size:
-            braking += _COMPENSATED * jnp.linalg.solve(g, D @ v)
-        return saturate(shaping + fitting(shaping, braking, self.limits), self.limits)
+            u = u + fitting(u, COMPENSATED * jnp.linalg.solve(g, D @ v), self.limits)
+        return saturate(u, self.limits)
 
     def _softness(self, q: Coordinates) -> Scalar:
         """Force of V_d beside that of ½ eᵀ K_p e; its root keeps the damping ratio far from the target."""

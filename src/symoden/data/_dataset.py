@@ -25,7 +25,7 @@ class Dataset:
     Attributes:
         name: Name in results.
         space: Configuration space, one factor per coordinate in the order of the columns of `q`: "R1", "T2", "R1 T1".
-        train: Recordings to learn from.
+        train: Recordings to learn from; any iterable is made a tuple.
         test: Recordings for the final score only.
         validation: Recordings for every choice made during training; `split_validation` makes them from `train`.
         momenta: Whether `rates` are momenta rather than velocities.
@@ -109,7 +109,7 @@ class Dataset:
         return self.recordings[0].us.shape[1]
 
 
-def _recordings(name: str, part: str, given: Iterable[Trajectory]) -> tuple[Trajectory, ...]:
+def _recordings(name: str, part: str, given: Iterable[Trajectory] | Trajectory) -> tuple[Trajectory, ...]:
     """The recordings of a part, whatever holds them."""
     every = tuple(given) if isinstance(given, Iterable) else (given,)
     if wrong := [each for each in every if not isinstance(each, Trajectory)]:

@@ -23,8 +23,8 @@ def time_scales(trajectories: Sequence[Trajectory], *, idle: float = _IDLE) -> F
         idle: Share of the liveliest coordinate's rate below which another one rests.
 
     Returns:
-        The time scale [s] of each coordinate that moves, the longest lag where its rate changes less; twice the longest
-        recording where none moves.
+        The time scale [s] of each coordinate that moves: twice the longest lag where its rate changes less, and alone
+        where none moves.
 
     Example:
         >>> ts = 0.01 * np.arange(1000)

@@ -1,5 +1,6 @@
 """Try a controller made from a run's model: on which machine, from which states, and how the episodes went."""
 
+import dataclasses
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,12 +25,13 @@ from symoden.control import (
     Tell,
     Tracking,
     Verdict,
-    audit_energy,
+    audit_energies,
     choose_method,
     design,
     desired_energies,
     judge,
     lowest,
+    rates_of,
     run_episodes,
     silent,
 )
@@ -39,6 +41,7 @@ from symoden.systems import MACHINES, Machine, Pendulum
 from ._ranges import Ranges
 
 LEARNED: Final = "model"
+_FINE_STEP: Final = 0.001  # [s]: learned dry friction is stiff.
 _CALLS: Final = 2000
 _LEAST_NOISE: Final = 1e-3
 _WARM: Final = 50
@@ -98,7 +101,7 @@ class ControlResult:
         method: How the controller was made.
         controller: The controller.
         limits: Largest magnitude of each input.
-        plants: Number of systems that stood in for the machine, in turn.
+        plants: What moved: the machine's system, or those that stood in for it, each in a block of the episodes.
         episodes: Records of the true states.
         energy: Desired energy along each record.
         verdict: How each episode ended.
@@ -112,7 +115,7 @@ class ControlResult:
     method: Method
     controller: AbstractController
     limits: tuple[float, ...]
-    plants: int
+    plants: tuple[AbstractDynamics, ...]
     episodes: Episode
     energy: Float[np.ndarray, "k T"]
     verdict: Verdict
@@ -126,7 +129,8 @@ class ControlResult:
         """What the controller was tried on, in words."""
         if self.machine.name != LEARNED:
             return self.machine.name
-        return "the learned model" if self.plants == 1 else f"{self.plants} models that the data do not tell apart"
+        others = [plant for plant in self.plants if plant is not self.machine.system]
+        return f"{len(others)} of the ensemble's models" if others else "the learned model"
 
     @property
     def settling(self) -> float:
@@ -183,19 +187,16 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
         The machine.
 
     Raises:
-        ValueError: If the target is no configuration, or the model has no inputs, or none that ever acted.
+        ValueError: If the target is no configuration, or the model has no inputs.
     """
     if len(target) != model.space.size or not np.isfinite(target).all():
         raise ValueError(
-            f"The target must be {model.space.size} finite numbers, one for each coordinate of {model.space}; got "
-            f"{', '.join(map(str, target))}."
+            f"The target must be one finite number for each of the {model.space.size} coordinates of {model.space}; "
+            f"got {', '.join(map(str, target))}."
         )
     limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
-    if not limits or not min(limits) > 0:
-        raise ValueError(
-            "A controller needs inputs that acted in the training data; "
-            + ("the model has none." if not limits else f"their largest magnitudes there are {limits}.")
-        )
+    if not limits:
+        raise ValueError("A controller needs inputs; the model was learned from free motion and has none.")
     return Machine(name=LEARNED, system=model, upright=tuple(map(float, target)), max_input=limits)
 
 
@@ -261,7 +262,13 @@ def try_control(
             f"{system.inputs}. Choose the environment of the mechanism that the model was trained on."
         )
     loop = config.loop
+    if machine.name == LEARNED:
+        loop = dataclasses.replace(loop, step=min(loop.step, _FINE_STEP))
     limits = machine.max_input if config.max_input is None else (config.max_input,) * system.inputs
+    if not min(limits) > 0:
+        raise ValueError(
+            f"An input did nothing in the logs, whose largest are {limits}. Say what it may: `--max-input`."
+        )
     method = config.method or choose_method(model, machine.upright, limits=limits)
     start = time.perf_counter()
     controller = design(model, machine.upright, method=method, limits=limits, period=loop.period, tell=tell)
@@ -270,22 +277,24 @@ def try_control(
     tell(f"{config.episodes} episodes of {loop.duration:g} s")
     observer = Observer(model, max(loop.noise, _LEAST_NOISE)) if loop.noise or loop.delay else None
     every = (plants or (system,))[: config.episodes]
-    shares = [slice(k, None, len(every)) for k in range(len(every))]
-    parts = [
-        run_episodes(plant, controller, q0[share], v0[share], loop, observer=observer, seed=config.seed + k)
-        for k, (plant, share) in enumerate(zip(every, shares, strict=True))
-    ]
+    if len(every) < len(plants):
+        tell(f"so few episodes are on {len(every)} of the {len(plants)} models")
+    parts = []
+    for k, plant in enumerate(every):
+        q, v = (part[k :: len(every)] for part in (q0, v0))
+        parts.append(run_episodes(plant, controller, q, v, loop, observer=observer, seed=config.seed + k))
+    tried = list(zip(every, parts, strict=True))
     episodes = jax.tree.map(lambda *each: jnp.concatenate(each), *parts)
     return ControlResult(
         machine=machine,
         method=method,
         controller=controller,
         limits=limits,
-        plants=len(every),
+        plants=tuple(every),
         episodes=episodes,
         energy=desired_energies(controller, episodes),
         verdict=_judged(controller, episodes, machine),
-        audit=audit_energy(system, controller, episodes),
+        audit=audit_energies(tried, controller),
         matching=controller.matching() if isinstance(controller, IdaPbc) else None,
         controller_ms=_call_ms(controller, q0[0], v0[0]),
         design_s=design_s,
@@ -323,6 +332,6 @@ def outside_data(result: ControlResult, ranges: Ranges) -> float:
     """
     space = result.machine.system.space
     q, rates = (np.asarray(part).reshape(-1, space.size) for part in result.episodes[1:3])
-    if result.machine.system.momenta:
-        rates = np.einsum("kij,kj->ki", np.asarray(jax.vmap(result.machine.system.mass_matrix)(jnp.asarray(q))), rates)
+    system = result.machine.system
+    rates = np.asarray(jax.vmap(lambda q, v: rates_of(system, q, v))(jnp.asarray(q), jnp.asarray(rates)))
     return float(ranges.outside(q, rates, None, space).mean())

@@ -23,7 +23,8 @@ class Machine(Generic[System]):
     Attributes:
         name: Identity of its environment; that of a learned model is "model".
         system: The true system, or the model.
-        upright: Where to go: the configuration of the highest potential energy, lengths being zero.
+        upright: Configuration to bring it to; of the paper's machines the one of the highest potential energy, lengths
+            being zero.
         max_input: Largest magnitude of each input that its motors give [N or N m].
     """
 

@@ -1,0 +1,66 @@
+"""A controller for one's own machine is tried on what was learned of it."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.control import Loop, audit_energy, run_episodes
+from symoden.experiments import ControlConfig, Ranges, initial_states, learned_machine, outside_data, try_control
+from symoden.models import ModelConfig, build
+from symoden.spaces import Space
+from symoden.systems import Pendulum
+
+MODEL = Pendulum(gravity=10.0, damping=0.1)
+OTHERS = (dataclasses.replace(MODEL, damping=0.5), dataclasses.replace(MODEL, gravity=9.0))
+RANGES = Ranges(positions=((-1.0, 1.0),), rates=((-2.0, 2.0),), inputs=((-6.0, 5.0),))
+CONFIG = ControlConfig(loop=Loop(duration=2.0, period=0.02), episodes=5)
+
+
+def test_the_inputs_of_the_logs_are_the_limits():
+    machine = learned_machine(MODEL, [1.5], RANGES)
+    assert (machine.max_input, machine.upright, machine.system) == ((6.0,), (1.5,), MODEL)
+
+
+def test_each_stand_in_has_its_share_of_the_episodes():
+    result = try_control(MODEL, learned_machine(MODEL, [np.pi], RANGES), CONFIG, plants=OTHERS)
+    q0, v0 = initial_states(result.machine, result.method, 5, 0)
+    loop = dataclasses.replace(CONFIG.loop, step=0.001)
+    parts = [run_episodes(OTHERS[k], result.controller, q0[k::2], v0[k::2], loop) for k in range(2)]
+    np.testing.assert_allclose(result.episodes.q, np.concatenate([part.q for part in parts]), atol=1e-9)
+    rates = [audit_energy(plant, result.controller, part).rates for plant, part in zip(OTHERS, parts, strict=True)]
+    np.testing.assert_allclose(result.audit.rates, np.concatenate(rates), atol=1e-9)
+    assert result.tried_on == "2 of the ensemble's models"
+
+
+def test_fewer_episodes_than_stand_ins_are_said_to_be():
+    said = []
+    config = dataclasses.replace(CONFIG, episodes=1)
+    result = try_control(MODEL, learned_machine(MODEL, [np.pi], RANGES), config, plants=OTHERS, tell=said.append)
+    assert result.tried_on == "1 of the ensemble's models"
+    assert "so few episodes are on 1 of the 2 models" in said
+
+
+def test_an_input_that_did_nothing_needs_a_limit():
+    idle = dataclasses.replace(RANGES, inputs=((0.0, 0.0),))
+    with pytest.raises(ValueError, match=r"An input did nothing in the logs.*`--max-input`"):
+        try_control(MODEL, learned_machine(MODEL, [np.pi], idle), CONFIG)
+    limited = dataclasses.replace(CONFIG, max_input=8.0)
+    assert try_control(MODEL, learned_machine(MODEL, [np.pi], idle), limited).limits == (8.0,)
+
+
+def test_free_motion_has_no_controller():
+    free = build(ModelConfig(), Space.parse("T1"), 0, key=jax.random.key(0))
+    with pytest.raises(ValueError, match="learned from free motion"):
+        learned_machine(free, [0.0], dataclasses.replace(RANGES, inputs=()))
+
+
+def test_a_model_without_energy_that_was_told_momenta_is_tried_too():
+    naive = build(ModelConfig(kind="naive", flow=(4,)), Space.parse("T1"), 1, momenta=True, key=jax.random.key(0))
+    config = dataclasses.replace(CONFIG, episodes=2)
+    result = try_control(naive, learned_machine(naive, [0.0], RANGES), config)
+    assert result.method == "lqr"
+    assert 0 <= outside_data(result, RANGES) <= 1
+    assert jnp.isfinite(result.episodes.q).all()
