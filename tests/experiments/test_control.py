@@ -11,10 +11,11 @@ from symoden.control import Loop, audit_energy, run_episodes
 from symoden.experiments import ControlConfig, Ranges, initial_states, learned_machine, outside_data, try_control
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
-from symoden.systems import Pendulum
+from symoden.systems import Acrobot, Pendulum
 
 MODEL = Pendulum(gravity=10.0, damping=0.1)
 OTHERS = (dataclasses.replace(MODEL, damping=0.5), dataclasses.replace(MODEL, gravity=9.0))
+FULL_ACROBOT = Acrobot(dampings=(0.2, 0.2), fully_actuated=True)
 RANGES = Ranges(positions=((-1.0, 1.0),), rates=((-2.0, 2.0),), inputs=((-6.0, 5.0),))
 CONFIG = ControlConfig(loop=Loop(duration=2.0, period=0.02), episodes=5)
 
@@ -49,6 +50,16 @@ def test_an_input_that_did_nothing_needs_a_limit():
         try_control(MODEL, learned_machine(MODEL, [np.pi], idle), CONFIG)
     limited = dataclasses.replace(CONFIG, max_input=8.0)
     assert try_control(MODEL, learned_machine(MODEL, [np.pi], idle), limited).limits == (8.0,)
+
+
+def test_each_input_may_have_a_limit_of_its_own():
+    machine = learned_machine(
+        FULL_ACROBOT, [np.pi, 0.0], Ranges(positions=(), rates=(), inputs=((-1.0, 1.0), (-2.0, 2.0)))
+    )
+    config = dataclasses.replace(CONFIG, method="energy-shaping", max_input=(40.0, 30.0), episodes=1)
+    assert try_control(FULL_ACROBOT, machine, config).limits == (40.0, 30.0)
+    with pytest.raises(ValueError, match="one number for all 2 inputs or one for each"):
+        try_control(FULL_ACROBOT, machine, dataclasses.replace(config, max_input=(1.0, 2.0, 3.0)))
 
 
 def test_free_motion_has_no_controller():

@@ -247,7 +247,7 @@ class Control:
             symoden/FullyActuatedCartPole-v0 or symoden/FullyActuatedAcrobot-v0; or model, the learned one.
         target: Where to go, a number for each coordinate [rad or m]; of a simulated machine it is upright.
         method: How: energy-shaping, ida-pbc, controlled-lagrangian, swing-up, tracking or lqr.
-        max_input: Largest magnitude of every input [N or N m].
+        max_input: Largest magnitude of every input, or of each [N or N m].
         noise: Standard deviation of the noise on every measured coordinate and velocity; a Kalman filter on the model
             then stands before the controller.
         period: Control period [s].
@@ -265,8 +265,9 @@ class Control:
     target: Annotated[tuple[float, ...], arg(metavar="Q [Q ...]", help_behavior_hint="(default: upright)")] = ()
     method: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: what suits the system)")] = None
     max_input: Annotated[
-        float | None, arg(metavar="U", help_behavior_hint="(default: the machine's, or the largest in the logs)")
-    ] = None
+        tuple[float, ...],
+        arg(metavar="U [U ...]", help_behavior_hint="(default: the machine's, or the largest in the logs)"),
+    ] = ()
     noise: Annotated[float, arg(metavar="S")] = 0.0
     period: Annotated[float, arg(metavar="T")] = 0.005
     delay: Annotated[float, arg(metavar="T")] = 0.0

@@ -44,7 +44,7 @@ def run(command: Control) -> None:
         raise ValueError(f"`--method` must be one of {', '.join(METHODS)}; got {command.method!r}.")
     settings = ControlConfig(
         method=cast("Method | None", command.method),
-        max_input=command.max_input,
+        max_input=command.max_input or None,
         loop=Loop(duration=command.duration, period=command.period, noise=command.noise, delay=command.delay),
         episodes=command.episodes,
         seed=command.seed,

@@ -9,7 +9,7 @@ from ._audit import (
     energy_rate as energy_rate,
 )
 from ._compiled import Compiled as Compiled
-from ._controller import AbstractController as AbstractController
+from ._controller import AbstractController as AbstractController, input_limits as input_limits
 from ._design import (
     METHODS as METHODS,
     Method as Method,
@@ -66,6 +66,7 @@ __all__ = [
     "design",
     "desired_energies",
     "energy_rate",
+    "input_limits",
     "judge",
     "linearize",
     "lowest",

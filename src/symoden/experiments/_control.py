@@ -29,6 +29,7 @@ from symoden.control import (
     choose_method,
     design,
     desired_energies,
+    input_limits,
     judge,
     lowest,
     rates_of,
@@ -68,14 +69,14 @@ class ControlConfig:
 
     Attributes:
         method: How the controller is made; `choose_method` decides if None.
-        max_input: Largest magnitude of every input; the machine's own if None.
+        max_input: Largest magnitude of every input, or of each; the machine's own if None.
         loop: How the controller is connected; its regulators are optimal for this period.
         episodes: Number of episodes.
         seed: Seed of the initial states and of the noise.
     """
 
     method: Method | None = None
-    max_input: float | None = None
+    max_input: float | tuple[float, ...] | None = None
     loop: Loop = field(default_factory=lambda: Loop(duration=15.0))
     episodes: int = 100
     seed: int = 0
@@ -88,7 +89,7 @@ class ControlConfig:
         """
         if self.episodes < 1 or self.seed < 0:
             raise ValueError(f"Episodes must be at least 1 and the seed 0; got {self.episodes} and {self.seed}.")
-        if self.max_input is not None and not self.max_input > 0:
+        if self.max_input is not None and not np.all(np.asarray(self.max_input) > 0):
             raise ValueError(f"The largest input must be positive; got {self.max_input}.")
 
 
@@ -264,7 +265,9 @@ def try_control(
     loop = config.loop
     if machine.name == LEARNED:
         loop = dataclasses.replace(loop, step=min(loop.step, _FINE_STEP))
-    limits = machine.max_input if config.max_input is None else (config.max_input,) * system.inputs
+    limits = machine.max_input
+    if config.max_input is not None:
+        limits = tuple(input_limits(config.max_input, system.inputs).tolist())
     if not min(limits) > 0:
         raise ValueError(
             f"An input did nothing in the logs, whose largest are {limits}. Say what it may: `--max-input`."
