@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 
 from symoden.control import EnergyShaping, Loop, judge, run_episodes
-from symoden.control._shaping import COMPENSATED
 from symoden.known import KnownParts
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.models import ModelConfig, build
@@ -34,11 +33,13 @@ def test_the_desired_energy_falls_by_friction_and_by_damping_alone(name, values)
     q, v = state(name, values)
     rate, _ = rate_of(system, controller, q, v)
     friction = float(v @ system.dissipation_matrix(q, v) @ v)
-    assert rate <= -(1 - COMPENSATED) * friction + 1e-9
+    assert rate <= -(1 - float(controller.compensation)) * friction + 1e-9
     free = EnergyShaping.of(system, FULL[name][1])  # Without limits all of it acts.
     y = system.input_matrix(q).T @ v
     rate, _ = rate_of(system, free, q, v)
-    assert rate == pytest.approx(-(1 - COMPENSATED) * friction - float(y @ free.damping @ y), rel=1e-6, abs=1e-9)
+    assert rate == pytest.approx(
+        -(1 - float(free.compensation)) * friction - float(y @ free.damping @ y), rel=1e-6, abs=1e-9
+    )
     assert float(controller.desired_energy(q, v)) >= 0
 
 
@@ -53,8 +54,10 @@ def test_dry_friction_does_not_make_the_way_a_creep():
     assert isinstance(plant, AbstractPortHamiltonian)
     controller = EnergyShaping.of(plant, [0.0], limits=10.0)
     starts = np.array([[-3.0], [-1.0], [0.5], [2.0]])
-    verdict = judge(run_episodes(plant, controller, starts, 0 * starts, Loop(duration=10.0)), plant.space, np.zeros(1))
-    assert verdict.success.all()
+    creeping = EnergyShaping.of(plant, [0.0], limits=10.0, compensation=0.0)
+    for each, arrive in ((controller, 4), (creeping, 0)):
+        episodes = run_episodes(plant, each, starts, 0 * starts, Loop(duration=10.0))
+        assert judge(episodes, plant.space, np.zeros(1)).success.sum() == arrive
 
 
 @pytest.mark.parametrize("name", FULL)
@@ -96,6 +99,8 @@ def test_what_cannot_be_shaped_is_refused():
         EnergyShaping.of(CART_POLE, [0.0, 0.0])
     with pytest.raises(ValueError, match=r"must exceed the static load \[5.0\]"):
         EnergyShaping.of(PENDULUM, [0.0], limits=4.0)
+    with pytest.raises(ValueError, match="between 0 and 1; got"):
+        EnergyShaping.of(PENDULUM, [0.0], compensation=1.5)
     for limits in (-1.0, (1.0, 2.0)):
         with pytest.raises(ValueError, match="Limits must be positive"):
             EnergyShaping.of(PENDULUM, [0.0], limits=limits)

@@ -15,7 +15,7 @@ from ._controller import AbstractController, Limits, Target, as_array, input_lim
 from ._motion import gradient
 from ._scales import bandwidth, configurations, static_load
 
-COMPENSATED = 0.8  # κ
+_COMPENSATED = 0.5  # A friction learned twice too large is not made up for more than wholly.
 _SHARE = 0.5  # of what the limits leave beside the static load; the rest is for damping.
 
 
@@ -42,6 +42,7 @@ class EnergyShaping(AbstractController):
         stiffness: K_p, diagonal so that V_d is continuous where an angle's short way changes sides.
         damping: K, symmetric positive definite.
         curving: 1/δ²; zero without limits.
+        compensation: κ.
         limits: Largest magnitude of each input.
 
     References:
@@ -60,6 +61,7 @@ class EnergyShaping(AbstractController):
     stiffness: Coordinates
     damping: SquareMatrix
     curving: Scalar
+    compensation: Scalar
     limits: Inputs
 
     @classmethod
@@ -70,6 +72,7 @@ class EnergyShaping(AbstractController):
         *,
         frequency: float | None = None,
         damping_ratio: float = 1.0,
+        compensation: float = _COMPENSATED,
         limits: Limits = None,
     ) -> "EnergyShaping":
         """Choose gains from the inertia: K_p = ω² diag M, damping 2 ζ ω M at the target.
@@ -79,14 +82,18 @@ class EnergyShaping(AbstractController):
             target: Configuration to go to.
             frequency: ω [rad/s]; the fastest of the potential energy at the target if absent.
             damping_ratio: ζ.
+            compensation: κ, the share of the friction to make up for, from 0 to 1.
             limits: Largest magnitude of the inputs; None for none.
 
         Returns:
             The controller.
 
         Raises:
-            ValueError: If the model is not fully actuated, or the limits cannot hold its weight everywhere.
+            ValueError: If the model is not fully actuated, the limits cannot hold its weight everywhere, or the
+                compensation is no share.
         """
+        if not 0 <= compensation <= 1:
+            raise ValueError(f"The compensation of friction must be between 0 and 1; got {compensation}.")
         n = model.space.size
         if model.inputs != n:
             raise ValueError(
@@ -113,6 +120,7 @@ class EnergyShaping(AbstractController):
             stiffness=as_array(stiffness),
             damping=as_array(inverse @ (2 * damping_ratio * omega * M) @ inverse.T),
             curving=as_array(0.0 if math.isinf(delta) else delta**-2),
+            compensation=as_array(compensation),
             limits=as_array(bounds),
         )
 
@@ -149,7 +157,7 @@ class EnergyShaping(AbstractController):
         u = shaping + fitting(shaping, braking, self.limits)
         D = self.model.dissipation_matrix(q, v)
         if D.shape[0] == self.model.space.size:
-            u = u + fitting(u, COMPENSATED * jnp.linalg.solve(g, D @ v), self.limits)
+            u = u + fitting(u, self.compensation * jnp.linalg.solve(g, D @ v), self.limits)
         return saturate(u, self.limits)
 
     def _softness(self, q: Coordinates) -> Scalar:
