@@ -40,7 +40,8 @@ def test_a_part_keeps_time_stamps_and_settings():
 
 
 BAD = [
-    ({"q": np.zeros(11)}, r"`swing`: `q` must be .* with 2 axes; got float64 with shape \(11,\).* `x\[:, None\]`"),
+    ({"q": np.zeros(11)}, r"`swing`: `q` must be an array of real numbers with 2 axes; got float64 with shape \(11,\)"),
+    ({"us": np.zeros(11)}, r"An array `x` of one axis becomes a column by `x\[:, None\]`"),
     ({"us": np.zeros((11, 1), complex)}, "`us` must be an array of real numbers with 2 axes; got complex128"),
     ({"ts": np.array([["a"]])}, "`ts` must be an array of real numbers with 1 axis; got <U1"),
     ({"q": np.zeros((10, 1))}, r"must agree in T and n; got shapes \(11,\), \(10, 1\)"),

@@ -13,7 +13,7 @@ from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, as_array, input_limits, saturate
-from ._motion import gradient, terms
+from ._motion import friction_matrix, gradient, terms
 from ._scales import bandwidth
 
 Reference: TypeAlias = Callable[[Scalar], Coordinates]
@@ -122,7 +122,7 @@ class Tracking(AbstractController):
         wanted_v = goal_rate - self.rate * e
         wanted_a = goal_acceleration - self.rate * (v - goal_rate)
         motion = terms(self.model, q, v)
-        D = self.model.dissipation_matrix(q, v)[-len(q) :, -len(q) :]
+        D = friction_matrix(self.model, q, v)
         forces = motion.M @ wanted_a + _coriolis(self.model, q, v) @ wanted_v + gradient(self.model, q)
         forces = forces + D @ wanted_v - self.damping * (v - wanted_v)
         return saturate(jnp.linalg.solve(motion.g, forces), self.limits)
