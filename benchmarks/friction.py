@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from symoden.control import EnergyShaping, Loop, judge, run_episodes
+from symoden.control import EnergyShaping, Loop, judge, run_in_turn
 from symoden.experiments import initial_states, learned_machine, read_ensemble, read_model, read_run
 from symoden.mechanics import AbstractPortHamiltonian
 
@@ -38,9 +38,8 @@ def main() -> None:
     q0, v0 = initial_states(machine, "energy-shaping", EPISODES, 0)
     for share in SHARES:
         controller = EnergyShaping.of(model, jnp.asarray(words.target), limits=words.max_input, compensation=share)
-        every = len(plants)
-        episodes = [run_episodes(plants[k], controller, q0[k::every], v0[k::every], LOOP) for k in range(every)]
-        verdicts = [judge(each, model.space, np.asarray(words.target)) for each in episodes]
+        tried = run_in_turn(plants, controller, q0, v0, LOOP)
+        verdicts = [judge(records, model.space, np.asarray(words.target)) for _, records in tried]
         settling = np.concatenate([each.settling[each.success] for each in verdicts])
         speed = np.median(np.concatenate([each.velocity_error for each in verdicts]))
         median = np.median(settling) if settling.size else np.nan

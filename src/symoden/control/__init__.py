@@ -24,7 +24,13 @@ from ._handover import Handover as Handover
 from ._ida_pbc import IdaPbc as IdaPbc, Matching as Matching
 from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
 from ._lagrangian import ControlledLagrangian as ControlledLagrangian
-from ._loop import Episode as Episode, Loop as Loop, close_loop as close_loop, run_episodes as run_episodes
+from ._loop import (
+    Episode as Episode,
+    Loop as Loop,
+    close_loop as close_loop,
+    run_episodes as run_episodes,
+    run_in_turn as run_in_turn,
+)
 from ._motion import rates_of as rates_of
 from ._observer import Estimate as Estimate, Observer as Observer
 from ._plan import Motion as Motion, plan_motion as plan_motion
@@ -73,5 +79,6 @@ __all__ = [
     "plan_motion",
     "rates_of",
     "run_episodes",
+    "run_in_turn",
     "silent",
 ]

@@ -1,6 +1,7 @@
 """Close the loop: sampled control with zero-order hold, measurement noise and delay on any dynamics."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -166,6 +167,37 @@ def run_episodes(
     """
     keys = jax.random.split(jax.random.key(seed), len(q0))
     return _episodes(plant, controller, jnp.asarray(q0), jnp.asarray(v0), loop, observer, keys)
+
+
+def run_in_turn(
+    plants: Sequence[AbstractDynamics],
+    controller: AbstractController,
+    q0: Float[np.ndarray, "k n"],
+    v0: Float[np.ndarray, "k n"],
+    loop: Loop,
+    *,
+    observer: Observer | None = None,
+    seed: int = 0,
+) -> list[tuple[AbstractDynamics, Episode]]:
+    """Simulate many episodes, the first on the first plant, the next on the next, and so on round.
+
+    Args:
+        plants: What is controlled, at most as many as episodes.
+        controller: What controls it.
+        q0: Coordinates at the start of each episode.
+        v0: Velocities there.
+        loop: How they are connected.
+        observer: What filters the measurements; none if absent.
+        seed: Seed of the noise.
+
+    Returns:
+        Each plant with the records of its episodes.
+    """
+    tried = []
+    for k, plant in enumerate(plants):
+        q, v = (part[k :: len(plants)] for part in (q0, v0))
+        tried.append((plant, run_episodes(plant, controller, q, v, loop, observer=observer, seed=seed + k)))
+    return tried
 
 
 @eqx.filter_jit

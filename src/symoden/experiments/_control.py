@@ -33,7 +33,7 @@ from symoden.control import (
     judge,
     lowest,
     rates_of,
-    run_episodes,
+    run_in_turn,
     silent,
 )
 from symoden.mechanics import AbstractDynamics
@@ -282,12 +282,8 @@ def try_control(
     every = (plants or (system,))[: config.episodes]
     if len(every) < len(plants):
         tell(f"so few episodes are on {len(every)} of the {len(plants)} models")
-    parts = []
-    for k, plant in enumerate(every):
-        q, v = (part[k :: len(every)] for part in (q0, v0))
-        parts.append(run_episodes(plant, controller, q, v, loop, observer=observer, seed=config.seed + k))
-    tried = list(zip(every, parts, strict=True))
-    episodes = jax.tree.map(lambda *each: jnp.concatenate(each), *parts)
+    tried = run_in_turn(every, controller, q0, v0, loop, observer=observer, seed=config.seed)
+    episodes = jax.tree.map(lambda *each: jnp.concatenate(each), *(records for _, records in tried))
     return ControlResult(
         machine=machine,
         method=method,
