@@ -74,6 +74,7 @@ def preset(name: str, *, task: str | None, kind: Kind) -> tuple[ModelConfig, Tra
     training = TrainingConfig(
         validation=0.0,
         horizon=3,
+        unroll=True,
         restarts=1,
         adam_steps=5000,
         batch_size=1088,

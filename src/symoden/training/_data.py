@@ -27,7 +27,6 @@ _LONGER = (2, 4)  # Times as long as Levenberg-Marquardt's windows.
 _FEWEST = 20  # Of them, or they stay as they are.
 _MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
-_MOST_UNROLLED = 10  # Steps: compiling takes 6 s for each.
 _NAMED = 3
 
 
@@ -98,9 +97,8 @@ def _data(
     validation = _cut(dataset.validation, horizon, stride=stride, dtype=dtype) if dataset.validation else None
     channels = dynamics.space.embedded_size + dynamics.space.size
     weights = channel_weights(train, dynamics) if config.scaled_loss else np.ones(channels)
-    unroll = config.unroll and horizon <= _MOST_UNROLLED
-    solver = RK4(config.substeps, unroll=unroll)
-    objective = Objective(jnp.asarray(weights, dtype), solver, HOLDS[dataset.hold], unroll=unroll)
+    solver = RK4(config.substeps, unroll=config.unroll)
+    objective = Objective(jnp.asarray(weights, dtype), solver, HOLDS[dataset.hold], unroll=config.unroll)
     return Data(train, validation, objective)
 
 
