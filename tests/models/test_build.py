@@ -61,6 +61,18 @@ def test_blocks_start_from_harmonics_on_angles_and_from_networks_on_lengths():
     assert isinstance(made(bare, space="R2").potential.function, Harmonics)
 
 
+@pytest.mark.parametrize(("space", "orders"), [("T2", (2, 2)), ("T3", (3, 3)), ("T4", (2, 3)), ("R1 T5", (1, 3))])
+def test_harmonics_of_many_joints_stay_few(space, orders):
+    """A step of second-order training costs the square of their number."""
+    config = dataclasses.replace(
+        BASE, inverse_mass=BlockConfig(harmonics=True), potential=BlockConfig(harmonics=True)
+    )
+    model = made(config, space=space)
+    functions = (model.inverse_mass.matrix.function, model.potential.function)
+    assert tuple(function.order for function in functions) == orders
+    assert all(function.weights.size <= 2000 for function in functions)
+
+
 CHANGES = {
     "kind": ("dissipative", {"kind": "symoden"}),
     "inverse_mass": ("dissipative", {"inverse_mass": WIDER}),

@@ -43,7 +43,7 @@ from ._functions import (
     Perceptron as Perceptron,
     Sum as Sum,
 )
-from ._harmonics import Harmonics as Harmonics
+from ._harmonics import Harmonics as Harmonics, products as products
 from ._known import Known as Known
 from ._trainable import (
     RUNGS as RUNGS,
@@ -94,6 +94,7 @@ __all__ = [
     "identity_triangle",
     "inverse_of_positive",
     "lower_triangle",
+    "products",
     "trainable",
     "with_parameters",
 ]

@@ -74,7 +74,7 @@ class Harmonics(AbstractFunction):
         """
         order = min(order, space.size)
         return cls(
-            weights=spread * jax.random.normal(key, (len(_products(space, powers, order)), outputs), float),
+            weights=spread * jax.random.normal(key, (len(products(space, powers, order)), outputs), float),
             space=space,
             center=Known(jnp.asarray(np.zeros(space.embedded_size) if center is None else center, float)),
             scale=Known(jnp.asarray(np.ones(space.embedded_size) if scale is None else scale, float)),
@@ -90,13 +90,33 @@ class Harmonics(AbstractFunction):
         )
         of_lengths = jnp.stack([r**power for power in range(self.powers + 1)], axis=1)
         of_angles = jnp.stack([jnp.ones_like(cosines), cosines, sines], axis=1)
-        chosen = np.array(_products(self.space, self.powers, self.order))
+        chosen = np.array(products(self.space, self.powers, self.order))
         factors = [of_lengths[i, chosen[:, i]] for i in range(len(r))]
         factors += [of_angles[i, chosen[:, len(r) + i]] for i in range(len(cosines))]
         return math.prod(factors) @ self.weights
 
 
-def _products(space: Space, powers: int, order: int) -> list[tuple[int, ...]]:
-    """Which factor of every length, then of every angle, each product takes; the constant product first."""
-    choices = [range(powers + 1)] * len(space.lengths) + [range(3)] * len(space.angles)
-    return [choice for choice in itertools.product(*choices) if np.count_nonzero(choice) <= order]
+def products(space: Space, powers: int, order: int) -> list[tuple[int, ...]]:
+    """Products of one factor per coordinate, in the order of their weights.
+
+    Args:
+        space: Configuration space.
+        powers: Highest power of a length.
+        order: Largest number of factors that are not 1.
+
+    Returns:
+        For each product which factor of every length, then of every angle, it takes; the constant product first.
+
+    Example:
+        >>> products(Space.parse("R1 T1"), 1, 1)
+        [(0, 0), (0, 1), (0, 2), (1, 0)]
+    """
+    highest = [powers] * len(space.lengths) + [2] * len(space.angles)
+    found = []
+    for count in range(min(order, space.size) + 1):
+        for chosen in itertools.combinations(range(space.size), count):
+            for factors in itertools.product(*(range(1, highest[i] + 1) for i in chosen)):
+                product = np.zeros(space.size, int)
+                product[list(chosen)] = factors
+                found.append(tuple(product.tolist()))
+    return sorted(found)

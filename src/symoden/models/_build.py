@@ -31,6 +31,7 @@ from symoden.blocks import (
     Sum,
     ViscousFriction,
     identity_triangle,
+    products,
 )
 from symoden.known import KnownParts
 from symoden.mechanics import AbstractDynamics
@@ -47,6 +48,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 _BODIES = 3  # Rows of the Jacobian for each coordinate; with two, one start in four ended in a poor minimum.
 _SPREAD = 0.3  # Of the harmonics' first weights; with 0.1, one start in four did.
+_MOST_WEIGHTS = 2000  # Of a block's harmonics: a step of Levenberg-Marquardt costs the square of their number.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +60,8 @@ class BlockConfig:
         constant: Start from a learned constant. With `hidden`, the network is then a correction that starts at zero
             and stays frozen until validation data ask for it.
         harmonics: On a space with angles, start likewise from products of their first harmonics and of low powers of
-            lengths, as rigid bodies on joints have them. On lengths alone the network is free from the start.
+            lengths, as rigid bodies on joints have them: of up to three factors, on more than three coordinates of as
+            many as leave a block below 2000 numbers. On lengths alone the network is free from the start.
     """
 
     hidden: tuple[int, ...] = ()
@@ -356,10 +359,12 @@ class _Maker:
         start: AbstractFunction = Constant(jnp.broadcast_to(jnp.asarray(0.0 if base is None else base, float), (size,)))
         if self._is_harmonic(config):
             standard = self._standard()
+            counts = {order: size * len(products(self.space, powers, order)) for order in (3, 2)}
             harmonics = Harmonics.init(
                 self.space,
                 size,
                 powers=powers,
+                order=next((order for order, count in counts.items() if count <= _MOST_WEIGHTS), 1),
                 spread=_SPREAD,
                 center=standard.get("center"),
                 scale=standard.get("scale"),
