@@ -64,9 +64,7 @@ def test_blocks_start_from_harmonics_on_angles_and_from_networks_on_lengths():
 @pytest.mark.parametrize(("space", "orders"), [("T2", (2, 2)), ("T3", (3, 3)), ("T4", (2, 3)), ("R1 T5", (1, 3))])
 def test_harmonics_of_many_joints_stay_few(space, orders):
     """A step of second-order training costs the square of their number."""
-    config = dataclasses.replace(
-        BASE, inverse_mass=BlockConfig(harmonics=True), potential=BlockConfig(harmonics=True)
-    )
+    config = dataclasses.replace(BASE, inverse_mass=BlockConfig(harmonics=True), potential=BlockConfig(harmonics=True))
     model = made(config, space=space)
     functions = (model.inverse_mass.matrix.function, model.potential.function)
     assert tuple(function.order for function in functions) == orders
