@@ -105,7 +105,7 @@ def fit(
         >>> ts = np.linspace(0.0, 2.0, 41)
         >>> q, v = np.cos(ts)[:, None], -np.sin(ts)[:, None]
         >>> swing = Trajectory(name="swing", ts=ts, q=q, rates=v, us=np.zeros((41, 0)))
-        >>> quick = TrainingConfig(adam_steps=50, lm_steps=2, growth_steps=0)
+        >>> quick = TrainingConfig(adam_steps=50, lm_steps=2, growth_steps=0, relevance_steps=0)
         >>> result = fit(Dataset(name="spring", space="R1", train=(swing,)), config=quick)
         >>> result.outcome
         'all steps taken'
