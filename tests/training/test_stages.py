@@ -11,7 +11,8 @@ import pytest
 from symoden.blocks import RUNGS
 from symoden.models import build
 from symoden.spaces import Space
-from symoden.training import _data, _levenberg_marquardt as _levenberg
+from symoden.training import _data
+from symoden.training._gauss_newton import Linearization
 from symoden.training._relevance import Relevance
 from symoden.training._stages import LevenbergStage
 from symoden.training._state import Incumbent, TrainingState
@@ -158,16 +159,15 @@ def test_models_are_compared_window_against_window(stage):
 
 def test_sensitivities_that_overflow_in_single_precision_are_computed_in_double(stage, monkeypatch):
     stage, state = stage
-    plain, precisions = _levenberg.normal_equations, []
+    plain, precisions = Linearization.normal_equations, []
 
-    def overflowing(*arguments, precision=jnp.float32):
-        equations = plain(*arguments, precision=precision)
-        precisions.append(jnp.dtype(precision))
-        return (
-            equations if precision == jnp.float64 else equations._replace(matrix=np.full_like(equations.matrix, np.inf))
-        )
+    def overflowing(self):
+        equations = plain(self)
+        precisions.append(jnp.dtype(self.precision))
+        single = self.precision == jnp.float32
+        return equations._replace(matrix=np.full_like(equations.matrix, np.inf)) if single else equations
 
-    monkeypatch.setattr(_levenberg, "normal_equations", overflowing)
+    monkeypatch.setattr(Linearization, "normal_equations", overflowing)
     _, report = stage.advance(stage.start(state))
     assert precisions == [jnp.float32, jnp.float64]
     assert report.loss < stage.start(state).best_loss

@@ -13,9 +13,9 @@ from symoden.integrate import HOLDS, RK4
 from symoden.models import build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
-from symoden.training._gauss_newton import normal_equations, pull_back
+from symoden.training._gauss_newton import Linearization
 from symoden.training._objective import Batch, Objective
-from symoden.training._residuals import evaluate_loss, find_starts
+from symoden.training._residuals import evaluate_loss, find_starts, follow_starts
 
 WEIGHTS, NOISE = jnp.array([1.0, 0.5, 2.0]), jnp.array([0.05, 0.05, 0.1])
 
@@ -32,36 +32,74 @@ def problem(dataset, config, *, level=0.05, noise=0.0):
     return model, objective, batch._replace(q=jnp.asarray(q), rates=jnp.asarray(rates), start=start)
 
 
-def settled(restore, theta, objective, batch):
+def settled(model, objective, batch):
     for _ in range(6):
-        batch = find_starts(restore(theta), objective, batch)
+        batch = find_starts(model, objective, batch).windows
     return batch
+
+
+def about(restore, theta, objective, batch):
+    found = find_starts(restore(theta), objective, batch)
+    return Linearization(restore=restore, theta=theta, objective=objective, found=found, precision=float)
 
 
 def test_the_gradient_is_that_of_the_loss_from_the_best_starts(pendulum, small, scrambled):
     model, objective, batch = problem(pendulum(), small, noise=0.05)
     restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=RUNGS)
-    best = settled(restore, theta, objective, batch)
-    equations = normal_equations(restore, theta, objective, best, precision=float)
+    best = settled(restore(theta), objective, batch)
+    equations = about(restore, theta, objective, best).normal_equations()
     direction = np.random.default_rng(1).normal(size=theta.shape)
     direction *= 1e-4 / np.linalg.norm(direction)
     ahead, behind = (
         evaluate_loss(
-            restore(theta + sign * direction), objective, settled(restore, theta + sign * direction, objective, best)
+            restore(theta + sign * direction), objective, settled(restore(theta + sign * direction), objective, best)
         )
         for sign in (1, -1)
     )
     assert 4 * equations.gradient @ direction == pytest.approx(ahead - behind, rel=1e-4)
 
 
-def test_pulling_back_goes_around_the_starts_as_the_jacobian_does(pendulum, small, scrambled):
+def test_pulling_back_goes_around_the_starts(pendulum, small, scrambled):
     model, objective, batch = problem(pendulum(), small, noise=0.05)
     restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=RUNGS)
-    best = settled(restore, theta, objective, batch)
-    equations = normal_equations(restore, theta, objective, best, precision=float)
-    pulled = pull_back(restore, theta, objective, best, jnp.asarray(equations.residuals), chunk=5)
-    scale = 1 + np.abs(equations.gradient).max() * equations.residuals.size
-    assert np.asarray(pulled) / scale == pytest.approx(equations.gradient * equations.residuals.size / scale, abs=1e-8)
+    best = settled(restore(theta), objective, batch)
+    linear = about(restore, theta, objective, best)
+    random = np.random.default_rng(2)
+    cotangents = random.normal(size=linear.found.residuals.shape)
+
+    def residuals(theta, starts):
+        windows = best._replace(start=starts)
+        return jax.vmap(lambda window: objective.residuals(restore(theta), window))(windows)
+
+    _, pull = jax.vjp(residuals, theta, best.start)
+    by_start = jax.vmap(
+        jax.jacfwd(lambda start, window: objective.residuals(restore(theta), window._replace(start=start)))
+    )
+    slopes = np.asarray(by_start(best.start, best)).reshape(len(cotangents), -1, best.start.shape[1])
+    for k, J in enumerate(slopes):
+        cotangents[k] -= (J @ np.linalg.lstsq(J, cotangents[k].ravel(), rcond=None)[0]).reshape(cotangents[k].shape)
+    expected, along = pull(jnp.asarray(cotangents))
+    assert np.abs(along).max() < 1e-10  # Nothing is left that a start could follow.
+    pulled = linear.pull_back(cotangents + (slopes @ random.normal(size=slopes.shape[2])).reshape(cotangents.shape))
+    assert pulled == pytest.approx(np.asarray(expected), abs=1e-9 * np.abs(expected).max())
+
+
+def test_the_starts_of_a_model_nearby_are_followed(pendulum, small, scrambled):
+    model, objective, batch = problem(pendulum(), small)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=RUNGS)
+    exact = jax.vmap(lambda window: exact_window(restore(theta), window))(batch)
+    found = find_starts(restore(theta), objective, exact)
+    direction = np.random.default_rng(1).normal(size=theta.shape)
+    missed = []
+    for distance in (0.2, 0.1):
+        near = restore(theta + distance * direction / np.linalg.norm(direction))
+        best = np.asarray(find_starts(near, objective, settled(near, objective, exact)).residuals)
+        stuck, followed = (
+            np.asarray(follow_starts(near, objective, found.windows, inverse)) for inverse in (None, found.inverse)
+        )
+        missed.append([np.mean(each**2) - np.mean(best**2) for each in (stuck, followed)])
+    assert missed[0][1] < 0.05 * missed[0][0]
+    assert missed[0][1] > 10 * missed[1][1] > 0  # Of the fourth order.
 
 
 def test_a_start_is_found_again_where_the_model_is_right(pendulum, small):
@@ -72,7 +110,7 @@ def test_a_start_is_found_again_where_the_model_is_right(pendulum, small):
     _, _, shaken = problem(dataset, small, noise=0.05)
     shaken = exact._replace(q=exact.q.at[:, 0].set(shaken.q[:, 0]), rates=exact.rates.at[:, 0].set(shaken.rates[:, 0]))
     shaken = shaken._replace(start=jnp.concatenate([shaken.q[:, 0], shaken.rates[:, 0]], axis=1))
-    found = find_starts(model, objective, shaken).start
+    found = find_starts(model, objective, shaken).windows.start
     before, after = (np.sqrt(np.mean((np.asarray(x) - np.asarray(truth)) ** 2)) for x in (shaken.start, found))
     assert after < 0.4 * before
 
@@ -89,7 +127,7 @@ def test_good_sensors_beside_a_poor_model_hold_the_start(pendulum, small):
     model, objective, batch = problem(pendulum(), small, noise=0.05)
     moved = []
     for level in (0.01, 1.0, np.inf):
-        found = find_starts(model, dataclasses.replace(objective, level=jnp.asarray(level)), batch).start
+        found = find_starts(model, dataclasses.replace(objective, level=jnp.asarray(level)), batch).windows.start
         moved.append(float(jnp.abs(found - batch.start).max()))
     assert moved[0] > 2 * moved[1] > 100 * moved[2]
     assert moved[2] < 1e-3
@@ -99,7 +137,7 @@ def test_a_free_motion_has_starts_too(pendulum, small):
     _, objective, batch = problem(pendulum(), small, noise=0.05)
     free = batch._replace(us=batch.us[:, :, :0])
     model = build(small, Space.parse("T1"), 0, key=jax.random.key(3))
-    found = find_starts(model, objective, free)
+    found = find_starts(model, objective, free).windows
     assert found.us.shape == free.us.shape
     assert float(jnp.abs(found.start - batch.start).max()) > 1e-3
 
@@ -107,6 +145,6 @@ def test_a_free_motion_has_starts_too(pendulum, small):
 def test_without_noise_windows_start_where_they_were_measured(pendulum, small):
     model, objective, batch = problem(pendulum(), small, noise=0.05)
     pinned = dataclasses.replace(objective, noise=None, level=None)
-    assert np.array_equal(find_starts(model, pinned, batch).start, batch.start)
+    assert np.array_equal(find_starts(model, pinned, batch).windows.start, batch.start)
     assert jax.vmap(lambda window: pinned.residuals(model, window))(batch).shape[1] == 9
     assert jax.vmap(lambda window: objective.residuals(model, window))(batch).shape[1] == 10

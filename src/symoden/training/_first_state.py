@@ -69,9 +69,9 @@ def _found(dynamics: AbstractDynamics, objective: Objective, window: Batch) -> F
         start, level = pair
         held = eqx.tree_at(lambda o: o.level, objective, level)
         found = find_start(dynamics, held, window._replace(start=start), iterations=_ITERATIONS)
-        r = held.residuals(dynamics, found)[1:]  # The start's own is weighted by the level.
+        r = found.residuals[1:]  # The start's own is weighted by the level.
         # What noise does not explain is the model's error, which is alike in all samples: their mean has as much of it.
         excess = jnp.maximum(jnp.sum(r**2) / (len(r) * len(start)) - 1, 0)
-        return found.start, jnp.sqrt(1 + (len(r) + 1) * excess)
+        return found.windows.start, jnp.sqrt(1 + (len(r) + 1) * excess)
 
     return jax.lax.fori_loop(0, _ROUNDS, closer, (window.start, jnp.ones(())))[0]

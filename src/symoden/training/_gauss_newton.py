@@ -1,28 +1,31 @@
 """The Gauss-Newton matrix JᵀJ of the residuals, gathered window by window."""
 
-from collections.abc import Callable
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Inputs, Scalar, State
 
 from ._flatten import cast
 from ._objective import Batch, Objective
-from ._residuals import chunks, evaluate_residuals, map_windows
-from ._starts import project_out, without_starts
+from ._residuals import follow_starts, map_windows, mean_square
+from ._starts import Found, project_out
 
 Parameters = Float[Array, " P"]
 Sensitivity = Float[Array, "s P"]
 
 
-_LARGEST_JACOBIAN = 2**23  # Entries held at once.
+_LARGEST_JACOBIAN = 2**23  # Entries of a block.
+_MOST_KEPT = 2**28  # Entries of all blocks.
 _CACHED_WINDOWS = 32
 _PINNED = 1e-5  # Relative standard deviation.
 
@@ -45,8 +48,7 @@ class NormalEquations(NamedTuple):
     @property
     def loss(self) -> float:
         """Mean of r²; not finite where a rollout diverges."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return float(np.mean(self.residuals**2))
+        return mean_square(self.residuals)
 
     def pinned(self, direction: np.ndarray) -> "NormalEquations":
         """The same with what a relative change along a direction would be known to, as if it had been measured.
@@ -123,99 +125,99 @@ def _padded(derivative: Float[Array, "... P"], columns: int) -> Float[Array, "..
 
 
 @eqx.filter_jit
-def _jacobian(restore: Callable, theta: Parameters, objective: Objective, batch: Batch) -> Float[Array, "R P"]:
-    """Stacked Jacobians of some windows, a few at a time so that they stay in the processor's cache."""
-    return map_windows(
-        lambda window: linearize(restore, theta, objective, window)[1], batch, chunk=_CACHED_WINDOWS
-    ).reshape(-1, theta.size)
+def _jacobian(restore: Callable, theta: Parameters, objective: Objective, batch: Batch) -> Float[Array, "b r P"]:
+    """Jacobians of some windows, a few at a time so that they stay in the processor's cache."""
+    return map_windows(lambda window: linearize(restore, theta, objective, window)[1], batch, chunk=_CACHED_WINDOWS)
 
 
-def normal_equations(
-    restore: Callable[[Parameters], AbstractDynamics],
-    theta: Parameters,
-    objective: Objective,
-    batch: Batch,
-    *,
-    chunk: int | None = None,
-    precision: DTypeLike = jnp.float32,
-) -> NormalEquations:
-    """Gather JᵀJ and Jᵀr over all windows in bounded memory.
+@final
+@dataclass(frozen=True, kw_only=True)
+class Linearization:
+    """Residuals r and their Jacobian J about one point, block of windows by block of windows.
 
-    The residuals have the precision of `theta`. The Jacobian may have less: rounding its entries is a small error of
-    the step, not of the loss, and takes a third of the time off. Its products run in double precision, which keeps
-    JᵀJ positive semidefinite, and in NumPy's BLAS: on a CPU it is three times as fast as XLA's (`benchmarks/`), and it
-    sees that JᵀJ is symmetric.
+    J may have less precision than the parameters: its rounding is a small error of a step, not of the loss, and takes a
+    third of the time off. Starts, where they are free, follow the parameters.
 
-    Args:
+    Attributes:
         restore: Makes the dynamics from flat parameters.
         theta: Flat parameters.
         objective: How rollouts are compared with windows.
-        batch: Windows, from the best starts where these are free.
-        chunk: Number of windows linearised at once; as many as keep their Jacobian below 64 MB if None.
-        precision: Of the Jacobian.
-
-    Returns:
-        The normal equations, in double precision.
+        found: Windows from their best starts.
+        chunk: Number of windows in a block; as many as keep it below 64 MB if None.
+        precision: Of J.
     """
-    residuals = np.asarray(evaluate_residuals(restore(theta), objective, batch, iterations=0), float)
-    total, rows = len(residuals), residuals[0].size
-    chunk = min(chunk or max(1, _LARGEST_JACOBIAN // (rows * theta.size)), total)
-    rough_restore, rough_theta, rough_objective, rough_batch = (
-        cast(part, precision) for part in (restore, theta, objective, batch)
-    )
-    matrix, spread = np.zeros((2, theta.size, theta.size))
-    gradient = np.zeros(theta.size)
-    for start in range(0, total, chunk):
-        # The last chunk is filled up with windows whose rows are dropped, so that one compiled function serves all.
-        index = np.minimum(np.arange(start, start + chunk), total - 1)
-        r = residuals[start : start + chunk].ravel()
-        J = np.asarray(_jacobian(rough_restore, rough_theta, rough_objective, rough_batch.take(index)))
-        J = J[: len(r)].astype(float)
-        with np.errstate(over="ignore", invalid="ignore"):  # Callers see that the sums are not finite.
-            pulls = np.einsum("wrp,wr->wp", J.reshape(-1, rows, theta.size), r.reshape(-1, rows), optimize=True)
-            matrix += J.T @ J
-            spread += pulls.T @ pulls
-            gradient += pulls.sum(axis=0)
-    count = residuals.size
-    return NormalEquations(matrix / count, gradient / count, residuals, spread)
 
+    restore: Callable[[Parameters], AbstractDynamics]
+    theta: Parameters
+    objective: Objective
+    found: Found
+    chunk: int | None = None
+    precision: DTypeLike = jnp.float32
+    _kept: dict[int, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
-@eqx.filter_jit
-def pull_back(
-    restore: Callable[[Parameters], AbstractDynamics],
-    theta: Parameters,
-    objective: Objective,
-    batch: Batch,
-    cotangents: Float[Array, "B k o"],
-    *,
-    chunk: int = 128,
-) -> Parameters:
-    """Jᵀ c without J, by reverse-mode differentiation of some windows at a time; starts stay where they are.
+    def normal_equations(self) -> NormalEquations:
+        """Gather JᵀJ and Jᵀr in bounded memory.
 
-    Args:
-        restore: Makes the dynamics from flat parameters.
-        theta: Flat parameters.
-        objective: How rollouts are compared with windows; its solver must be one that reverse mode reaches through.
-        batch: Windows.
-        cotangents: One number c for each residual.
-        chunk: Number of windows at once.
+        Products run in double precision, which keeps JᵀJ positive semidefinite, and in NumPy's BLAS: on a CPU it is
+        three times as fast as XLA's (`benchmarks/`), and it sees that JᵀJ is symmetric.
 
-    Returns:
-        The product.
-    """
-    index = chunks(batch.ts.shape[0], chunk)
-    repeated = jnp.arange(index.size).reshape(index.shape) > index
+        Returns:
+            The normal equations, in double precision.
+        """
+        residuals = np.asarray(self.found.residuals, float)
+        size = self.theta.size
+        matrix, spread = np.zeros((2, size, size))
+        gradient = np.zeros(size)
+        for some, block in self._blocks():
+            J, r = block.astype(float), residuals[some]
+            with np.errstate(over="ignore", invalid="ignore"):  # Callers see that the sums are not finite.
+                pulls = np.einsum("wrp,wr->wp", J, r.reshape(len(r), -1), optimize=True)
+                J = J.reshape(-1, size)
+                matrix += J.T @ J
+                spread += pulls.T @ pulls
+                gradient += pulls.sum(axis=0)
+        count = residuals.size
+        return NormalEquations(matrix / count, gradient / count, residuals, spread)
 
-    def add(total: Parameters, some: tuple[Int[Array, " c"], Bool[Array, " c"]]) -> tuple[Parameters, None]:
-        which, dropped = some
-        windows = batch.take(which)
-        kept = jnp.where(dropped[:, None, None], 0, cotangents[which])
-        kept = jax.vmap(lambda window, c: without_starts(restore(theta), objective, window, c))(windows, kept)
+    def residuals(self, theta: Float[np.ndarray, " P"]) -> Float[np.ndarray, "B k o"]:
+        """Residuals at a point nearby, from the starts that are best there.
 
-        def residuals(theta: Parameters) -> Float[Array, "c k o"]:
-            return jax.vmap(lambda window: objective.residuals(restore(theta), window))(windows)
+        Args:
+            theta: The point.
 
-        _, pull = jax.vjp(residuals, theta)
-        return total + pull(kept)[0], None
+        Returns:
+            The residuals; not finite where a rollout diverges.
+        """
+        model, found = self.restore(jnp.asarray(theta, self.theta.dtype)), self.found
+        return np.asarray(follow_starts(model, self.objective, found.windows, found.inverse), float)
 
-    return jax.lax.scan(add, jnp.zeros_like(theta), (index, repeated))[0]
+    def pull_back(self, cotangents: Float[np.ndarray, "B k o"]) -> Float[np.ndarray, " P"]:
+        """Jᵀ c.
+
+        Args:
+            cotangents: One number c for each residual.
+
+        Returns:
+            The product, in double precision.
+        """
+        total = np.zeros(self.theta.size)
+        for some, block in self._blocks():
+            total += block.reshape(-1, total.size).T @ cotangents[some].ravel().astype(block.dtype)
+        return total
+
+    def _blocks(self) -> Iterator[tuple[slice, Float[np.ndarray, "b r P"]]]:
+        """Every block and its windows; they are kept for the next time as long as they fit into memory."""
+        total, *rest = self.found.residuals.shape
+        rows = math.prod(rest)
+        chunk = min(self.chunk or max(1, _LARGEST_JACOBIAN // (rows * self.theta.size)), total)
+        parts = self.restore, self.theta, self.objective, self.found.windows
+        restore, theta, objective, windows = (cast(part, self.precision) for part in parts)
+        for start in range(0, total, chunk):
+            some, block = slice(start, min(start + chunk, total)), self._kept.get(start)
+            if block is None:
+                # The last block is filled up with windows that are dropped, so that one compiled function serves all.
+                index = np.minimum(np.arange(start, start + chunk), total - 1)
+                block = np.asarray(_jacobian(restore, theta, objective, windows.take(index)))[: some.stop - start]
+                if total * rows * self.theta.size <= _MOST_KEPT:
+                    self._kept[start] = block
+            yield some, block

@@ -18,7 +18,7 @@ from symoden.mechanics import AbstractDynamics
 from ._config import TrainingConfig
 from ._data import hold_out, levenberg_data
 from ._flatten import Flattening, cast
-from ._gauss_newton import normal_equations
+from ._gauss_newton import Linearization
 from ._level import LEAST_WINDOWS, expected_level
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss, find_starts
@@ -125,7 +125,9 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
         level = expected_level(restore, theta, data.objective, solver, data.train)
         objective = data.objective.refined(solver, level)
-        equations = normal_equations(restore, theta, objective, find_starts(model, objective, data.train))
+        equations = Linearization(
+            restore=restore, theta=theta, objective=objective, found=find_starts(model, objective, data.train)
+        ).normal_equations()
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)
     factor, effective = _sandwich(
         equations.matrix * equations.residuals.size,

@@ -11,7 +11,7 @@ from symoden.integrate import AbstractSolver
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 
-from ._gauss_newton import NormalEquations, Parameters, normal_equations
+from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import Batch, Objective
 from ._residuals import find_starts
 
@@ -64,7 +64,9 @@ def expected_level(
         return math.inf
     model, free = restore(theta), objective.refined(solver, 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
-        equations = normal_equations(restore, theta, free, find_starts(model, free, batch))
+        equations = Linearization(
+            restore=restore, theta=theta, objective=free, found=find_starts(model, free, batch)
+        ).normal_equations()
     # Not so where a rollout diverges, or nothing that is open changes anything.
     sound = np.isfinite(equations.matrix).all() and np.abs(equations.residuals).max() < _LARGEST
     if not sound or not equations.loss or not np.trace(equations.matrix) > 0:

@@ -1,5 +1,6 @@
 """Second-order training: Levenberg-Marquardt on the residuals of all windows."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -11,9 +12,9 @@ from threadpoolctl import threadpool_limits
 
 from symoden.mechanics import AbstractDynamics
 
-from ._gauss_newton import NormalEquations, Parameters, normal_equations, pull_back
+from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import Batch, Objective
-from ._residuals import evaluate_loss, evaluate_residuals, find_starts
+from ._residuals import find_starts, mean_square
 
 _SMALLEST_DAMPING = 1e-14
 _LARGEST_DAMPING = 1e8
@@ -70,7 +71,6 @@ def levenberg_marquardt_step(
     objective: Objective,
     batch: Batch,
     *,
-    reversible: Objective,
     prior: Prior = Prior(),  # noqa: B008 - immutable
     pin: Float[np.ndarray, " P"] | None = None,
 ) -> tuple[LevenbergState, LevenbergStep]:
@@ -88,7 +88,6 @@ def levenberg_marquardt_step(
         restore: Makes the dynamics from flat parameters.
         objective: How rollouts are compared with windows.
         batch: Windows.
-        reversible: The same objective with a solver that reverse-mode differentiation reaches through.
         prior: λ, θ₀ and σ².
         pin: Direction along which the parameters stay where they are, if any.
 
@@ -100,11 +99,12 @@ def levenberg_marquardt_step(
         (2012), *Improvements to the Levenberg-Marquardt algorithm*: lowering λ faster than raising it, and geodesic
         acceleration.
     """
-    batch = find_starts(restore(state.theta), objective, batch)  # Trials go on from these.
-    surface = _Surface(restore, objective, reversible, batch)
-    equations = normal_equations(restore, state.theta, objective, batch)
+    found = find_starts(restore(state.theta), objective, batch)
+    about = Linearization(restore=restore, theta=state.theta, objective=objective, found=found)
+    equations = about.normal_equations()
     if not np.isfinite(equations.matrix).all():  # Sensitivities can overflow in single precision.
-        equations = normal_equations(restore, state.theta, objective, batch, precision=state.theta.dtype)
+        about = dataclasses.replace(about, precision=state.theta.dtype)
+        equations = about.normal_equations()
     if pin is not None:
         equations = equations.pinned(pin)
     variance = equations.loss if prior.variance is None else prior.variance
@@ -115,8 +115,8 @@ def levenberg_marquardt_step(
     before = equations.loss + float(ridge @ (theta - middle) ** 2)
     damping, growth = state.damping, 2.0
     for _ in range(_TRIALS):
-        trial = theta + _step(equations, surface, theta, damping=damping, ridge=ridge, pull=ridge * (theta - middle))
-        after = surface.loss(trial)
+        trial = theta + _step(equations, about, damping=damping, ridge=ridge, pull=ridge * (theta - middle))
+        after = mean_square(about.residuals(trial))
         if after + float(ridge @ (trial - middle) ** 2) < before:
             done = LevenbergState(jnp.asarray(trial, state.theta.dtype), max(damping / 5, _SMALLEST_DAMPING))
             return done, LevenbergStep(equations.loss, after, accepted=True, equations=equations)
@@ -125,36 +125,9 @@ def levenberg_marquardt_step(
     return LevenbergState(state.theta, damping), rejected
 
 
-class _Surface(NamedTuple):
-    """The residuals as a function of the parameters, about those whose starts the windows have."""
-
-    restore: Callable[[Parameters], AbstractDynamics]
-    objective: Objective
-    reversible: Objective
-    batch: Batch
-
-    def residuals(self, theta: np.ndarray) -> np.ndarray:
-        """Residuals of every window; not finite where a rollout diverges."""
-        return np.asarray(evaluate_residuals(self._at(theta), self.objective, self.batch, iterations=1), float)
-
-    def loss(self, theta: np.ndarray) -> float:
-        """Mean squared residual; NaN, which compares as no gain, where a rollout diverges."""
-        return evaluate_loss(self._at(theta), self.objective, self.batch, iterations=1)
-
-    def pull_back(self, theta: np.ndarray, cotangents: np.ndarray) -> np.ndarray:
-        """Jᵀ c."""
-        dtype = self.batch.q.dtype
-        arrays = jnp.asarray(theta, dtype), jnp.asarray(cotangents, dtype)
-        return np.asarray(pull_back(self.restore, arrays[0], self.reversible, self.batch, arrays[1]), float)
-
-    def _at(self, theta: np.ndarray) -> AbstractDynamics:
-        return self.restore(jnp.asarray(theta, self.batch.q.dtype))
-
-
 def _step(
     equations: NormalEquations,
-    surface: _Surface,
-    theta: np.ndarray,
+    about: Linearization,
     *,
     damping: float,
     ridge: np.ndarray,
@@ -169,14 +142,15 @@ def _step(
         with threadpool_limits(1, user_api="blas"):
             factor = scipy.linalg.cho_factor(equations.matrix + np.diag(ridge + damping * scale), check_finite=False)
     except np.linalg.LinAlgError:  # Rounding: more damping helps.
-        return np.full_like(theta, np.nan)
+        return np.full_like(ridge, np.nan)
     step = -scipy.linalg.cho_solve(factor, equations.gradient + pull, check_finite=False)
     with np.errstate(over="ignore", invalid="ignore"):
-        ahead, behind = (surface.residuals(theta + sign * _NEARBY * step) for sign in (1, -1))
+        theta = np.asarray(about.theta, float)
+        ahead, behind = (about.residuals(theta + sign * _NEARBY * step) for sign in (1, -1))
         bend = (ahead - 2 * equations.residuals + behind) / _NEARBY**2
     if not np.isfinite(bend).all():
         return step
-    pulled = surface.pull_back(theta, bend) / bend.size
+    pulled = about.pull_back(bend) / bend.size
     half = -scipy.linalg.cho_solve(factor, pulled, check_finite=False) / 2
     # Where the bend is not small beside the step, the series is of no use.
     bent = float((half * scale) @ half) > (_LARGEST_BEND / 2) ** 2 * float((step * scale) @ step)

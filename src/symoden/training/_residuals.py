@@ -11,9 +11,9 @@ from jaxtyping import Array, Float, Int, PyTree
 from symoden.mechanics import AbstractDynamics
 
 from ._objective import Batch, Objective
-from ._starts import find_start
+from ._starts import Found, find_start, follow_start
 
-_ITERATIONS = 3  # From the measured starts; after a small change of the model one does.
+_ITERATIONS = 3
 
 
 def chunks(total: int, size: int) -> Int[Array, "k c"]:
@@ -30,56 +30,94 @@ def chunks(total: int, size: int) -> Int[Array, "k c"]:
     return jnp.minimum(jnp.arange(-(-total // size) * size), total - 1).reshape(-1, size)
 
 
-def map_windows(function: Callable[[Batch], PyTree], batch: Batch, *, chunk: int) -> PyTree:
+def map_windows(function: Callable[[PyTree], PyTree], batch: PyTree, *, chunk: int) -> PyTree:
     """Apply a function of one window to any number of them, some at a time.
 
     Args:
         function: What to apply.
-        batch: Windows.
+        batch: Windows, and what belongs to each.
         chunk: Number of windows at once.
 
     Returns:
         The results, stacked.
     """
-    total = batch.ts.shape[0]
-    results = jax.lax.map(lambda some: jax.vmap(function)(batch.take(some)), chunks(total, chunk))
-    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:total], results)
+    total = jax.tree.leaves(batch)[0].shape[0]
+
+    def some(index: Int[Array, " c"]) -> PyTree:
+        return jax.vmap(function)(jax.tree.map(lambda x: x[index], batch))
+
+    results = jax.lax.map(some, chunks(total, chunk))
+    return jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:])[:total], results)
 
 
-def evaluate_residuals(
-    dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512, iterations: int = _ITERATIONS
-) -> Float[Array, "B k o"]:
-    """Residuals of any number of windows in bounded memory.
+def find_starts(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512) -> Found:
+    """Find where rollouts start best, for any number of windows, in bounded memory.
 
     Args:
         dynamics: Model.
         objective: How rollouts are compared with windows.
         batch: Windows.
-        chunk: Number of windows rolled out at once.
-        iterations: Of the search for starts, where these are free; 0 to roll out from those at hand.
+        chunk: Number of windows rolled out at once; it changes the residuals by rounding alone.
 
     Returns:
-        The residuals of every window, from the starts that are found.
+        The windows with those starts, and their residuals.
     """
-    return _evaluate(dynamics, objective, batch, jnp.asarray(iterations), chunk=chunk)[0]
+    return _find(dynamics, objective, batch, chunk=chunk)
 
 
-def evaluate_loss(
-    dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512, iterations: int = _ITERATIONS
-) -> float:
-    """Loss over any number of windows in bounded memory; the chunk's size changes it by rounding alone.
+def follow_starts(
+    dynamics: AbstractDynamics,
+    objective: Objective,
+    batch: Batch,
+    inverse: Float[Array, "B s r"] | None = None,
+    *,
+    chunk: int = 512,
+) -> Float[Array, "B k o"]:
+    """Residuals of a model that differs little from the one that starts were found with, from its own best starts.
+
+    Args:
+        dynamics: Model.
+        objective: How rollouts are compared with windows.
+        batch: Windows with the starts that were found.
+        inverse: As it was found with them; None leaves starts where they are.
+        chunk: Number of windows rolled out at once.
+
+    Returns:
+        The residuals of every window.
+    """
+    return _follow(dynamics, objective, batch, inverse, chunk=chunk)
+
+
+def evaluate_residuals(dynamics: AbstractDynamics, objective: Objective, batch: Batch) -> Float[Array, "B k o"]:
+    """Residuals of any number of windows in bounded memory, from the starts that are found.
 
     Args:
         dynamics: Model.
         objective: How rollouts are compared with windows.
         batch: Windows.
-        chunk: Number of windows rolled out at once.
-        iterations: Of the search for starts, where these are free.
+
+    Returns:
+        The residuals of every window.
+    """
+    return find_starts(dynamics, objective, batch).residuals
+
+
+def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch) -> float:
+    """Loss over any number of windows in bounded memory.
+
+    Args:
+        dynamics: Model.
+        objective: How rollouts are compared with windows.
+        batch: Windows.
 
     Returns:
         Mean of the squared residuals; not finite where a rollout diverges.
     """
-    residuals = np.asarray(evaluate_residuals(dynamics, objective, batch, chunk=chunk, iterations=iterations), float)
+    return mean_square(np.asarray(evaluate_residuals(dynamics, objective, batch), float))
+
+
+def mean_square(residuals: Float[np.ndarray, "..."]) -> float:
+    """Mean of r²; not finite where a rollout diverges."""
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.mean(residuals**2))
 
@@ -91,41 +129,32 @@ def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objec
         dynamics: Model.
         coarse: The objective in use.
         fine: The same with a more accurate solver.
-        batch: Windows.
+        batch: Windows; their starts stay where they are.
 
     Returns:
         Mean of the squared differences.
     """
-    one, other = (np.asarray(evaluate_residuals(dynamics, each, batch), float) for each in (coarse, fine))
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.mean((one - other) ** 2))
-
-
-def find_starts(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512) -> Batch:
-    """Find where rollouts start best, for any number of windows.
-
-    Args:
-        dynamics: Model.
-        objective: How rollouts are compared with windows.
-        batch: Windows.
-        chunk: Number of windows at once.
-
-    Returns:
-        The windows with those starts; as they are where starts are not free.
-    """
-    if not objective.frees_starts:
-        return batch
-    return batch._replace(start=_evaluate(dynamics, objective, batch, jnp.asarray(_ITERATIONS), chunk=chunk)[1])
+    one, other = (np.asarray(follow_starts(dynamics, each, batch), float) for each in (coarse, fine))
+    return mean_square(one - other)
 
 
 @eqx.filter_jit
-def _evaluate(
-    dynamics: AbstractDynamics, objective: Objective, batch: Batch, iterations: Int[Array, ""], *, chunk: int
-) -> tuple[Float[Array, "B k o"], Float[Array, "B s"]]:
-    """Residuals of all windows and the starts that they are from: one compilation for all that asks for either."""
+def _find(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int) -> Found:
+    """`find_starts`, compiled."""
 
-    def one(window: Batch) -> tuple[Float[Array, "k o"], Float[Array, " s"]]:
-        found = find_start(dynamics, objective, window, iterations=iterations)
-        return objective.residuals(dynamics, found), found.start
+    def one(window: Batch) -> Found:
+        return find_start(dynamics, objective, window, iterations=_ITERATIONS)
 
     return map_windows(one, batch, chunk=chunk)
+
+
+@eqx.filter_jit
+def _follow(
+    dynamics: AbstractDynamics, objective: Objective, batch: Batch, inverse: Float[Array, "B s r"] | None, *, chunk: int
+) -> Float[Array, "B k o"]:
+    """`follow_starts`, compiled."""
+
+    def one(pair: tuple[Batch, Float[Array, "s r"] | None]) -> Float[Array, "k o"]:
+        return follow_start(dynamics, objective, *pair).residuals
+
+    return map_windows(one, (batch, inverse), chunk=chunk)

@@ -292,7 +292,6 @@ class LevenbergStage(AbstractStage):
             restore,
             self.objective(substeps, level),
             batch,
-            reversible=self.objective(substeps, level, reversible=True),
             prior=Prior(
                 priors.precisions(model, self.corrections),
                 mean,
@@ -349,20 +348,18 @@ class LevenbergStage(AbstractStage):
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
         return self.config.scaled_loss and state.best_loss < bound
 
-    def objective(self, substeps: int, level: float, *, reversible: bool = False) -> Objective:
+    def objective(self, substeps: int, level: float) -> Objective:
         """How rollouts are compared with windows.
 
         Args:
             substeps: RK4 steps in each sampling interval.
             level: Root of the variance that an independent residual is expected to have.
-            reversible: Let reverse-mode differentiation reach through, at the price of compiling for this number.
 
         Returns:
             The objective.
         """
-        # A number of substeps that is an array needs no new compilation when it changes, but stops reverse mode.
-        solver = RK4(substeps if reversible else jnp.asarray(substeps))
-        return self.data.objective.refined(solver, level)
+        # A number of substeps that is an array needs no new compilation when it changes.
+        return self.data.objective.refined(RK4(jnp.asarray(substeps)), level)
 
     def _refined(self, state: TrainingState) -> int:
         """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""

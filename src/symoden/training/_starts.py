@@ -1,6 +1,7 @@
 """Where the rollout of a window starts: noise in its first sample must not bias the model."""
 
-import equinox as eqx
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
@@ -12,12 +13,27 @@ from ._objective import Batch, Objective
 _RIDGE = 1e-12
 
 
+class Found(NamedTuple):
+    """Where rollouts start best; the first axis counts windows, and is absent in functions of one window.
+
+    Attributes:
+        windows: With those starts; as they are where starts are not free, or no step is a gain.
+        residuals: From these starts.
+        inverse: Pseudoinverse of the residuals' Jacobian by the start; None where starts are not free.
+    """
+
+    windows: Batch
+    residuals: Float[Array, "*B k o"]
+    inverse: Float[Array, "*B s r"] | None
+
+
 def find_start(
     dynamics: AbstractDynamics, objective: Objective, window: Batch, *, iterations: int | Int[Array, ""] = 1
-) -> Batch:
+) -> Found:
     """Find the start from which the rollout of one window fits best, by Gauss-Newton from the start at hand.
 
-    Starts are off by the sensors' noise only, over which a rollout is nearly linear: few iterations do.
+    Starts are off by the sensors' noise only, over which a rollout is nearly linear: few iterations do, and one
+    Jacobian serves them all.
 
     Args:
         dynamics: Model.
@@ -26,41 +42,52 @@ def find_start(
         iterations: Number of Gauss-Newton's steps; an array needs no new compilation when it changes.
 
     Returns:
-        The window with that start; as it is where starts are not free, or no step is a gain.
+        The start, the residuals from it, and what it takes to follow it when the model changes.
     """
     if not objective.frees_starts:
-        return window
-
-    def improved(_: Int[Array, ""], start: Float[Array, " s"]) -> Float[Array, " s"]:
-        r, J = _linearize(dynamics, objective, window._replace(start=start))
-        squares = J.T @ J
-        ridge = _RIDGE * jnp.trace(squares) * jnp.eye(start.shape[0], dtype=start.dtype)
-        trial = start - jnp.linalg.solve(squares + ridge, J.T @ r)
-        after = objective.residuals(dynamics, window._replace(start=trial))
-        # Not so where a rollout diverges: NaN compares as no gain.
-        return jnp.where(jnp.sum(after**2) < jnp.sum(r**2), trial, start)
-
-    return window._replace(start=jax.lax.fori_loop(0, iterations, improved, window.start))
+        return Found(window, objective.residuals(dynamics, window), None)
+    J = _by_start(dynamics, objective, window)
+    squares = J.T @ J
+    ridge = _RIDGE * jnp.trace(squares) * jnp.eye(len(squares), dtype=squares.dtype)
+    return follow_start(dynamics, objective, window, jnp.linalg.solve(squares + ridge, J.T), iterations=iterations)
 
 
-def without_starts(
-    dynamics: AbstractDynamics, objective: Objective, window: Batch, cotangent: Float[Array, "k o"]
-) -> Float[Array, "k o"]:
-    """The part of a change of the residuals that no change of the start makes up for.
+def follow_start(
+    dynamics: AbstractDynamics,
+    objective: Objective,
+    window: Batch,
+    inverse: Float[Array, "s r"] | None,
+    *,
+    iterations: int | Int[Array, ""] = 1,
+) -> Found:
+    """Find the best start of one window from the one at hand with a pseudoinverse at hand.
 
     Args:
         dynamics: Model.
         objective: How rollouts are compared with windows.
         window: One window.
-        cotangent: The change.
+        inverse: As `find_start` has it, for this model or one that differs little; None leaves the start as it is.
+        iterations: Number of steps.
 
     Returns:
-        Its projection; the change itself where starts are not free.
+        As of `find_start`.
     """
-    if not objective.frees_starts:
-        return cotangent
-    _, J = _linearize(dynamics, objective, window)
-    return project_out(J, cotangent.reshape(-1, 1)).reshape(cotangent.shape)
+    first = objective.residuals(dynamics, window)
+    if inverse is None:
+        return Found(window, first, None)
+
+    def closer(
+        _: Int[Array, ""], at: tuple[Float[Array, " s"], Float[Array, "k o"]]
+    ) -> tuple[Float[Array, " s"], Float[Array, "k o"]]:
+        start, r = at
+        trial = start - inverse @ r.ravel()
+        after = objective.residuals(dynamics, window._replace(start=trial))
+        # Not so where a rollout diverges: NaN compares as no gain.
+        gains = jnp.sum(after**2) < jnp.sum(r**2)
+        return jnp.where(gains, trial, start), jnp.where(gains, after, r)
+
+    start, residuals = jax.lax.fori_loop(0, iterations, closer, (window.start, first))
+    return Found(window._replace(start=start), residuals, inverse)
 
 
 def project_out(by_start: Float[Array, "r s"], columns: Float[Array, "r c"]) -> Float[Array, "r c"]:
@@ -85,15 +112,10 @@ def project_out(by_start: Float[Array, "r s"], columns: Float[Array, "r c"]) -> 
     return columns - Q @ (Q.T @ columns)
 
 
-def _linearize(
-    dynamics: AbstractDynamics, objective: Objective, window: Batch
-) -> tuple[Float[Array, " r"], Float[Array, "r s"]]:
-    """Residuals and their Jacobian by the start."""
+def _by_start(dynamics: AbstractDynamics, objective: Objective, window: Batch) -> Float[Array, "r s"]:
+    """Jacobian of the residuals by the start."""
 
     def residuals(start: Float[Array, " s"]) -> Float[Array, " r"]:
         return objective.residuals(dynamics, window._replace(start=start)).ravel()
 
-    def along(direction: Float[Array, " s"]) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
-        return jax.jvp(residuals, (window.start,), (direction,))
-
-    return eqx.filter_vmap(along, out_axes=(None, 1))(jnp.eye(window.start.shape[0], dtype=window.start.dtype))
+    return jax.jacfwd(residuals)(window.start)
