@@ -1,7 +1,6 @@
 """Functions made of the first harmonics of angles and low powers of lengths, as rigid bodies on joints have them."""
 
 import itertools
-import math
 from typing import final
 
 import equinox as eqx
@@ -88,12 +87,14 @@ class Harmonics(AbstractFunction):
             (self.space.embed(q) - self.center.value) / self.scale.value,
             np.cumsum([len(self.space.lengths), len(self.space.angles)]),
         )
-        of_lengths = jnp.stack([r**power for power in range(self.powers + 1)], axis=1)
-        of_angles = jnp.stack([jnp.ones_like(cosines), cosines, sines], axis=1)
-        chosen = np.array(products(self.space, self.powers, self.order))
-        factors = [of_lengths[i, chosen[:, i]] for i in range(len(r))]
-        factors += [of_angles[i, chosen[:, len(r) + i]] for i in range(len(cosines))]
-        return math.prod(factors) @ self.weights
+        factors = [jnp.stack([x**power for power in range(1, self.powers + 1)]) for x in r]
+        factors += [jnp.stack(pair) for pair in zip(cosines, sines, strict=True)]
+        # By how many factors are not 1, of the last coordinates: no gathers, which are slow to differentiate.
+        found = [jnp.ones(1, q.dtype)] * (self.order + 1)
+        for factor in reversed(factors):
+            more = [jnp.outer(factor, fewer).ravel() for fewer in found[:-1]]
+            found = found[:1] + [jnp.concatenate(pair) for pair in zip(found[1:], more, strict=True)]
+        return found[-1] @ self.weights
 
 
 def products(space: Space, powers: int, order: int) -> list[tuple[int, ...]]:
