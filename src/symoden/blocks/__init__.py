@@ -50,6 +50,7 @@ from ._trainable import (
     count_parameters as count_parameters,
     highest_rung as highest_rung,
     trainable as trainable,
+    without_silent as without_silent,
 )
 from ._triangles import (
     identity_triangle as identity_triangle,
@@ -97,4 +98,5 @@ __all__ = [
     "products",
     "trainable",
     "with_parameters",
+    "without_silent",
 ]

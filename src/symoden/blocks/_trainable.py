@@ -7,7 +7,7 @@ from jaxtyping import PyTree
 
 from symoden.shapes import Coordinates
 
-from ._functions import Correction
+from ._functions import AbstractFunction, Correction, Network, Sum
 from ._known import Known
 
 RUNGS = 2  # Of the ladder that corrections are set free on.
@@ -29,6 +29,34 @@ def trainable(model: PyTree, *, corrections: int = RUNGS) -> PyTree:
         return isinstance(node, Known) or (isinstance(node, Correction) and node.rung > corrections)
 
     return jax.tree.map(lambda leaf: not is_fixed(leaf) and eqx.is_inexact_array(leaf), model, is_leaf=is_fixed)
+
+
+def without_silent(model: PyTree, *, corrections: int = 0) -> PyTree:
+    """Leave out the terms that are zero, for the time that it takes to evaluate them.
+
+    Args:
+        model: Any tree of modules.
+        corrections: Up to which rung they stay though they are zero, since their derivatives are not.
+
+    Returns:
+        A model of the same values. The parameters up to that rung are the same ones in the same order.
+    """
+
+    def lean(node: object) -> object:
+        if not isinstance(node, Sum):
+            return node
+        terms = tuple(term for term in node.terms if not _is_silent(term, corrections))
+        return terms[0] if len(terms) == 1 else Sum(terms)
+
+    return jax.tree.map(lean, model, is_leaf=lambda node: isinstance(node, Sum))
+
+
+def _is_silent(term: AbstractFunction, corrections: int) -> bool:
+    """Whether a term is a correction beyond a rung, and its last layer is zero."""
+    if not isinstance(term, Correction) or term.rung <= corrections or not isinstance(term.function, Network):
+        return False
+    last = term.function.perceptron
+    return not (np.any(np.asarray(last.weights[-1])) or np.any(np.asarray(last.biases[-1])))
 
 
 def highest_rung(model: PyTree, q: Coordinates) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
-from symoden.blocks import trainable
+from symoden.blocks import trainable, without_silent
 
 
 @final
@@ -20,11 +20,13 @@ class Flattening(eqx.Module):
         fixed: The model with None in place of its free parameters.
         structure: Tree of the free parameters.
         shapes: Their shapes, in the order of the vector.
+        corrections: Up to which rung terms marked as `Correction` are free.
     """
 
     fixed: PyTree
     structure: Any = eqx.field(static=True)
     shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    corrections: int = eqx.field(static=True)
 
     @classmethod
     def of(
@@ -44,7 +46,19 @@ class Flattening(eqx.Module):
         fixed = cast(fixed, dtype)
         leaves, structure = jax.tree.flatten(free)
         theta = jnp.concatenate([jnp.ravel(leaf).astype(dtype) for leaf in leaves])
-        return cls(fixed, structure, tuple(leaf.shape for leaf in leaves)), theta
+        return cls(fixed, structure, tuple(leaf.shape for leaf in leaves), corrections), theta
+
+    def lean(self, theta: Float[Array, " P"]) -> "Flattening":
+        """The same without corrections that are neither free nor anything but zero: what it restores takes less time.
+
+        Args:
+            theta: Any parameters.
+
+        Returns:
+            What restores models of the same values from the same parameters.
+        """
+        model = without_silent(self(theta), corrections=self.corrections)
+        return Flattening.of(model, corrections=self.corrections, dtype=theta.dtype)[0]
 
     def __call__(self, theta: Float[Array, " P"]) -> PyTree:
         """Model with these parameters."""

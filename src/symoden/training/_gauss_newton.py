@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Inputs, Scalar, State
 
-from ._flatten import cast
+from ._flatten import Flattening, cast
 from ._objective import Batch, Objective
 from ._residuals import follow_starts, map_windows, mean_square
 from ._starts import Found, project_out
@@ -147,7 +147,7 @@ class Linearization:
         precision: Of J.
     """
 
-    restore: Callable[[Parameters], AbstractDynamics]
+    restore: Flattening
     theta: Parameters
     objective: Objective
     found: Found
@@ -210,7 +210,7 @@ class Linearization:
         total, *rest = self.found.residuals.shape
         rows = math.prod(rest)
         chunk = min(self.chunk or max(1, _LARGEST_JACOBIAN // (rows * self.theta.size)), total)
-        parts = self.restore, self.theta, self.objective, self.found.windows
+        parts = self.restore.lean(self.theta), self.theta, self.objective, self.found.windows
         restore, theta, objective, windows = (cast(part, self.precision) for part in parts)
         for start in range(0, total, chunk):
             some, block = slice(start, min(start + chunk, total)), self._kept.get(start)

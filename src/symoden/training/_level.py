@@ -1,16 +1,15 @@
 """What one independent residual would vary by: noise, and what a model leaves open."""
 
 import math
-from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.integrate import AbstractSolver
-from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 
+from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import Batch, Objective
 from ._residuals import find_starts
@@ -39,7 +38,7 @@ def independent_variance(equations: NormalEquations) -> float:
 
 
 def expected_level(
-    restore: Callable[[Parameters], AbstractDynamics],
+    restore: Flattening,
     theta: Parameters,
     objective: Objective,
     solver: AbstractSolver,

@@ -1,7 +1,6 @@
 """Second-order training: Levenberg-Marquardt on the residuals of all windows."""
 
 import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -10,8 +9,7 @@ import scipy.linalg
 from jaxtyping import Float
 from threadpoolctl import threadpool_limits
 
-from symoden.mechanics import AbstractDynamics
-
+from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import Batch, Objective
 from ._residuals import find_starts, mean_square
@@ -67,7 +65,7 @@ class LevenbergStep(NamedTuple):
 
 def levenberg_marquardt_step(
     state: LevenbergState,
-    restore: Callable[[Parameters], AbstractDynamics],
+    restore: Flattening,
     objective: Objective,
     batch: Batch,
     *,

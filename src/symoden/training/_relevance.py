@@ -143,7 +143,8 @@ def _posterior(
 ) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
     """Mean and variances of a Gaussian: by the inverse of a triangle, at a third of the price of the covariance."""
     triangle = scipy.linalg.cholesky(precision, lower=True, overwrite_a=True, check_finite=False)
-    inverse, _ = scipy.linalg.lapack.dtrtri(triangle, lower=True, overwrite_c=True)
+    (invert,) = scipy.linalg.get_lapack_funcs(("trtri",), (triangle,))
+    inverse, _ = invert(triangle, lower=True, overwrite_c=True)
     return inverse.T @ (inverse @ pull), np.einsum("ij,ij->j", inverse, inverse)
 
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
+from symoden.blocks import without_silent
 from symoden.mechanics import AbstractDynamics
 
 from ._objective import Batch, Objective
@@ -62,7 +63,7 @@ def find_starts(dynamics: AbstractDynamics, objective: Objective, batch: Batch, 
     Returns:
         The windows with those starts, and their residuals.
     """
-    return _find(dynamics, objective, batch, chunk=chunk)
+    return _find(without_silent(dynamics), objective, batch, chunk=chunk)
 
 
 def follow_starts(
@@ -85,7 +86,7 @@ def follow_starts(
     Returns:
         The residuals of every window.
     """
-    return _follow(dynamics, objective, batch, inverse, chunk=chunk)
+    return _follow(without_silent(dynamics), objective, batch, inverse, chunk=chunk)
 
 
 def evaluate_residuals(dynamics: AbstractDynamics, objective: Objective, batch: Batch) -> Float[Array, "B k o"]:

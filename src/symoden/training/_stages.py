@@ -12,7 +12,7 @@ import numpy as np
 import optax
 from jaxtyping import Float
 
-from symoden.blocks import RUNGS, trainable
+from symoden.blocks import RUNGS, trainable, without_silent
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
@@ -135,18 +135,21 @@ class AdamStage(AbstractStage):
         """Begin with fresh weights and an empty memory."""
         dtype = self.data.train.q.dtype
         model = cast(self.fresh, dtype)
-        memory = self.optimizer.init(eqx.filter(model, trainable(model, corrections=0)))
+        lean = without_silent(model)
+        memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=0)))
         best = cast(state.best, dtype)
         incumbent = Incumbent(best, None, state.origin)
         return state._replace(step=0, model=model, best=best, incumbent=incumbent, memory=memory)
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
-        free, fixed = eqx.partition(state.model, trainable(state.model, corrections=0))
+        restore, theta = Flattening.of(state.model, corrections=0, dtype=self.data.train.q.dtype)
+        lean = without_silent(state.model)
+        free, fixed = eqx.partition(lean, trainable(lean, corrections=0))
         steps = min(_CHUNK, self.steps - state.step)
         before = AdamState(free, state.memory, jnp.asarray(state.step))
         after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self.optimizer, steps=steps)
-        model = eqx.combine(after.free, fixed)
+        model = restore(Flattening.of(eqx.combine(after.free, fixed), corrections=0, dtype=theta.dtype)[1])
         validation = self.data.validation_loss(model, self.data.objective)
         state = state._replace(step=state.step + steps, model=model, memory=after.optimizer)
         loss = float(jnp.mean(losses))

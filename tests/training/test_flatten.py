@@ -1,0 +1,41 @@
+"""Models as vectors of their free parameters."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.blocks import RUNGS, Correction, Network, without_silent
+from symoden.models import build
+from symoden.spaces import Space
+from symoden.training._flatten import Flattening
+
+
+def networks(model):
+    leaves = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction))
+    return sum(isinstance(leaf, Correction) and isinstance(leaf.function, Network) for leaf in leaves)
+
+
+@pytest.mark.parametrize("space", ["T1", "R1 T1", "R1"])
+@pytest.mark.parametrize("corrections", range(RUNGS))
+def test_what_is_silent_is_left_out_and_nothing_changes(space, corrections, small):
+    model = build(dataclasses.replace(small), Space.parse(space), 1, key=jax.random.key(3))
+    restore, theta = Flattening.of(model, corrections=corrections)
+    lean, random = restore.lean(theta), np.random.default_rng(0)
+    assert networks(model) > networks(lean(theta)) == 0
+    for _ in range(3):
+        moved = theta + jnp.asarray(random.normal(size=theta.shape))
+        state = jnp.asarray(random.normal(size=2 * model.space.size))
+        whole, short = (each(moved).derivative(jnp.zeros(()), state, jnp.ones(1)) for each in (restore, lean))
+        assert np.asarray(short) == pytest.approx(np.asarray(whole), rel=1e-12, abs=1e-12)
+        assert Flattening.of(lean(moved), corrections=corrections)[1] == pytest.approx(moved)
+
+
+def test_what_is_free_or_says_something_stays(small, scrambled):
+    model = build(small, Space.parse("T1"), 1, key=jax.random.key(3))
+    restore, theta = Flattening.of(model, corrections=RUNGS)
+    assert networks(restore.lean(theta)(theta)) == networks(model) > 0
+    loud = scrambled(model, 1, 0.3)
+    assert networks(without_silent(loud)) == networks(loud)
