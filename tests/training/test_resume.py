@@ -54,7 +54,15 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(pendulum, sm
         assert "time limit of 0 minutes, with " in part.outcome
         assert "growth still to come" in part.outcome or "longer windows still to come" in part.outcome
     assert part.completed
-    assert {"adam 1 of 3", "adam 2 of 3", "adam 3 of 3", "levenberg-marquardt", "relevance", "growth"} <= stages
+    assert {
+        "adam 1 of 3",
+        "adam 2 of 3",
+        "adam 3 of 3",
+        "levenberg-marquardt",
+        "relevance",
+        "refit",
+        "growth",
+    } <= stages
     assert eqx.tree_equal(part.model, whole.model)
     assert part.loss == whole.loss
     lines = [len((tmp_path / run / "metrics.jsonl").read_text().splitlines()) for run in ("whole", "parts")]

@@ -11,7 +11,7 @@ import pytest
 from symoden.blocks import RUNGS
 from symoden.models import build
 from symoden.spaces import Space
-from symoden.training import _data
+from symoden.training import _data, _stages
 from symoden.training._gauss_newton import Linearization
 from symoden.training._relevance import Relevance
 from symoden.training._stages import LevenbergStage
@@ -66,23 +66,25 @@ def test_no_block_grows_where_the_rest_explains_the_motion(stage):
 
 
 @pytest.mark.parametrize(
-    ("rung", "relevance", "errors", "kept"),
+    ("rung", "kind", "errors", "kept"),
     [
-        (1, False, -1.1, True),
-        (1, False, -0.9, False),
-        (RUNGS, False, -2.1, True),
-        (RUNGS, False, -1.9, False),
-        (1, True, 0.9, True),
-        (1, True, 1.1, False),
+        (1, {}, -1.1, True),
+        (1, {}, -0.9, False),
+        (RUNGS, {}, -2.1, True),
+        (RUNGS, {}, -1.9, False),
+        (1, {"relevance": True}, 0.9, True),
+        (1, {"relevance": True}, 1.1, False),
+        (0, {"refit": True}, -1.1, True),
+        (0, {"refit": True}, -0.9, False),
     ],
 )
 def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_against_it(
-    stage, monkeypatch, rung, relevance, errors, kept
+    stage, monkeypatch, rung, kind, errors, kept
 ):
     stage, state = stage
     config = dataclasses.replace(stage.config, growth_steps=1, relevance_steps=1)
     data = stage.data._replace(validation=stage.data.train)
-    last = dataclasses.replace(stage, data=data, config=config, corrections=rung, relevance=relevance)
+    last = dataclasses.replace(stage, data=data, config=config, corrections=rung, **kind)
     monkeypatch.setattr(type(data), "compare", lambda *_: errors)
     started = last.start(state)
     after, report = last.advance(started)
@@ -90,7 +92,24 @@ def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_agains
     first, best = (jax.tree.leaves(each) for each in (started.best, after.best))
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
     assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)
-    assert (float(after.memory.variance) > 0) == (relevance and kept)
+    assert (float(after.memory.variance) > 0) == ("relevance" in kind and kept)
+
+
+def test_in_a_refit_learned_priors_fade_with_the_loss(stage, monkeypatch):
+    stage, state = stage
+    learned = Relevance.start(state.model, 50.0)._replace(variance=jnp.asarray(1e3))
+    plain, priors = _stages.levenberg_marquardt_step, []
+
+    def watched(*arguments, prior, **options):
+        priors.append(prior)
+        return plain(*arguments, prior=prior, **options)
+
+    monkeypatch.setattr(_stages, "levenberg_marquardt_step", watched)
+    for kind in ("relevance", "refit"):
+        last = dataclasses.replace(stage, **{kind: True})
+        last.advance(last.start(state._replace(memory=learned)))
+    assert [prior.variance for prior in priors] == [1e3, None]
+    assert all(np.array_equal(prior.precision, np.full_like(prior.precision, 50.0)) for prior in priors)
 
 
 def test_longer_windows_begin_with_wide_priors_and_what_was_learned_comes_back_if_they_are_refused(stage, monkeypatch):

@@ -32,9 +32,9 @@ class TrainingConfig:
         prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance; where priors are
             learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
-        growth_steps: Further steps in which dry and quadratic friction is free, and as many again in which the blocks'
-            networks are, and in longer windows; kept if validation gains by more than its standard error, networks if
-            by more than two.
+        growth_steps: Further steps in which dry and quadratic friction is free, and as many again with the priors that
+            were learned, with the blocks' networks free, and in longer windows; kept if validation gains by more than
+            its standard error, networks if by more than two.
         relevance_steps: Steps between the two in which every group of parameters learns a prior of its own, so that
             noisy data use no more parameters than they determine; kept unless validation speaks against it.
     """

@@ -238,6 +238,8 @@ def _further(
 ) -> list[LevenbergStage]:
     """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks.
 
+    Priors are learned beside errors that are then gone: a refit follows, in which the priors fade with the loss.
+
     At last come longer windows, for all but the networks: short ones would undo what these find.
 
     Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
@@ -252,7 +254,9 @@ def _further(
     low = [rung for rung in freed if rung < RUNGS]
     judged = max(low, default=0)
     if config.relevance_steps and 0 < counts[judged] <= MOST_PARAMETERS:
-        stages.insert(len(low), LevenbergStage(data, config, corrections=judged, relevance=True))
+        learned = LevenbergStage(data, config, corrections=judged, relevance=True)
+        refit = [dataclasses.replace(learned, relevance=False, refit=True)] if config.growth_steps else []
+        stages[len(low) : len(low)] = [learned, *refit]
     if config.growth_steps:
         stages.extend(LevenbergStage(each, config, corrections=judged, longer=True) for each in longer)
     return stages

@@ -71,9 +71,11 @@ class Relevance(NamedTuple):
 
         With Σ = (JᵀJ / σ² + Λ)⁻¹ and the θ̂ that is best for the Λ at hand, both of the model linearised at θ,
         expectation maximisation sets λ = n / (‖θ̂‖² + tr Σ) for each group of n parameters (here the geometric mean with
-        the λ before, which is smoother), but at most n / ‖θ‖². From a handful of windows nothing is learned.
+        the λ before, which is smoother), but at most n / ‖θ‖². From a handful of windows, or where
+        sensitivities overflow, nothing is learned.
         Residuals of one window are not independent; σ² is their variance times the factor by which the windows' scores
-        vary more than independent residuals would make them, the design effect.
+        vary more than independent residuals would make them, the design effect. It stays
+        what it is at first: falling with the residuals it would widen the priors before they have been narrowed.
 
         Parameters of formulas keep the priors that they have: about zero is about the guess that a user gave.
 
@@ -90,7 +92,7 @@ class Relevance(NamedTuple):
             MacKay (1992), *Bayesian interpolation*; Tipping (2001), *Sparse Bayesian learning and the relevance vector
             machine*: groups of one; Kish (1965), *Survey sampling*: the design effect.
         """
-        if len(equations.residuals) < LEAST_WINDOWS:
+        if len(equations.residuals) < LEAST_WINDOWS or not np.isfinite(equations.matrix).all():
             return self
         chosen, rest = eqx.partition(self.precision, trainable(model, corrections=corrections))
         paths, structure = jax.tree.flatten_with_path(chosen)

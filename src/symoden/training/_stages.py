@@ -182,6 +182,7 @@ class LevenbergStage(AbstractStage):
         corrections: Up to which rung corrections are free: none, those of friction, all. A stage that frees some is
             skipped where nothing is left to explain.
         relevance: Learn the priors too. What comes of it is kept unless validation speaks against it.
+        refit: What is free was free before, and priors were learned. Now they fade with the loss.
         longer: These are longer windows than those before; priors are as wide as at first, and what comes of it is kept
             if it gains as much as corrections must.
     """
@@ -190,6 +191,7 @@ class LevenbergStage(AbstractStage):
     config: TrainingConfig
     corrections: int = 0
     relevance: bool = False
+    refit: bool = False
     longer: bool = False
 
     @property
@@ -197,6 +199,8 @@ class LevenbergStage(AbstractStage):
         """What reports call it."""
         if self.longer:
             return "longer windows"
+        if self.refit:
+            return "refit"
         return "relevance" if self.relevance else ("levenberg-marquardt", "friction", "growth")[self.corrections]
 
     @property
@@ -204,7 +208,7 @@ class LevenbergStage(AbstractStage):
         """Largest number of steps."""
         if self.relevance:
             return self.config.relevance_steps
-        return self.config.growth_steps if self.corrections or self.longer else self.config.lm_steps
+        return self.config.growth_steps if self._is_optional else self.config.lm_steps
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
@@ -258,7 +262,7 @@ class LevenbergStage(AbstractStage):
             stale=0 if better and falling else state.stale + 1,
         )
         ended, outcome = self._ended(state)
-        if ended and (self.corrections or self.longer) and self.data.validation is not None:
+        if ended and self._is_optional and self.data.validation is not None:
             gain = -self.data.compare(state.best, state.incumbent.model, objective)
             state = self._defended(state, kept=gain > (_NETWORKS if self.corrections == RUNGS else 1))
         return state, Report(step.after, validation, ended, outcome)
@@ -345,7 +349,7 @@ class LevenbergStage(AbstractStage):
     @property
     def _is_optional(self) -> bool:
         """Whether there is nothing to do where nothing is left to explain."""
-        return bool(self.corrections) or self.relevance or self.longer
+        return bool(self.corrections) or self.relevance or self.refit or self.longer
 
     def _is_below(self, bound: float, state: TrainingState) -> bool:
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
