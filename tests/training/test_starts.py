@@ -15,7 +15,7 @@ from symoden.spaces import Space
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import Linearization
 from symoden.training._objective import Batch, Objective
-from symoden.training._residuals import evaluate_loss, find_starts, follow_starts
+from symoden.training._residuals import evaluate_loss, find_starts, follow_starts, integration_error
 
 WEIGHTS, NOISE = jnp.array([1.0, 0.5, 2.0]), jnp.array([0.05, 0.05, 0.1])
 
@@ -148,3 +148,10 @@ def test_without_noise_windows_start_where_they_were_measured(pendulum, small):
     assert np.array_equal(find_starts(model, pinned, batch).windows.start, batch.start)
     assert jax.vmap(lambda window: pinned.residuals(model, window))(batch).shape[1] == 9
     assert jax.vmap(lambda window: objective.residuals(model, window))(batch).shape[1] == 10
+
+
+def test_an_integration_that_diverges_has_an_error_that_is_no_number(pendulum, small, scrambled):
+    model, objective, batch = problem(pendulum(), small)
+    wild = scrambled(model, 1, 1e6)
+    assert not np.isfinite(integration_error(wild, objective, dataclasses.replace(objective, solver=RK4(2)), batch))
+    assert integration_error(model, objective, dataclasses.replace(objective, solver=RK4(2)), batch) < 1e-6

@@ -136,7 +136,8 @@ def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objec
         Mean of the squared differences.
     """
     one, other = (np.asarray(follow_starts(dynamics, each, batch), float) for each in (coarse, fine))
-    return mean_square(one - other)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return mean_square(one - other)
 
 
 @eqx.filter_jit
