@@ -1,7 +1,6 @@
 """Sensitivities and normal equations against plain differentiation."""
 
 import dataclasses
-import functools
 
 import equinox as eqx
 import jax
@@ -18,7 +17,6 @@ from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import Linearization, linearize
 from symoden.training._levenberg_marquardt import LevenbergState, levenberg_marquardt_step
 from symoden.training._objective import Batch, Objective
-from symoden.training._residuals import find_starts
 
 
 def problem(dataset, config, hold="zero", *, momenta=False):
@@ -33,8 +31,7 @@ def one(batch, index):
 
 
 def about(restore, theta, objective, batch, **settings):
-    found = find_starts(restore(theta), objective, batch)
-    return Linearization(restore=restore, theta=theta, objective=objective, found=found, **settings)
+    return dataclasses.replace(Linearization.at(restore, theta, objective, batch), **settings)
 
 
 def normal_equations(*problem, **settings):
@@ -139,8 +136,8 @@ def test_an_accelerated_step_misses_the_bottom_by_the_third_order(pendulum, smal
     exact = jax.vmap(lambda w: rollout(restore(bottom), w.q[0], w.rates[0], w.ts, w.us))(batch)
     batch = batch._replace(q=exact.q, rates=exact.rates)
     # Rounding in single precision, which directions without data amplify, would hide the order.
-    double = functools.partial(Linearization, precision=float)
-    monkeypatch.setattr("symoden.training._levenberg_marquardt.Linearization", double)
+    plain = Linearization.at
+    monkeypatch.setattr(Linearization, "at", lambda *problem: dataclasses.replace(plain(*problem), precision=float))
     away = jnp.asarray(np.random.default_rng(0).normal(size=bottom.size))
     away = away / jnp.linalg.norm(away)
 

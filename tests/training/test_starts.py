@@ -39,8 +39,7 @@ def settled(model, objective, batch):
 
 
 def about(restore, theta, objective, batch):
-    found = find_starts(restore(theta), objective, batch)
-    return Linearization(restore=restore, theta=theta, objective=objective, found=found, precision=float)
+    return dataclasses.replace(Linearization.at(restore, theta, objective, batch), precision=float)
 
 
 def test_the_gradient_is_that_of_the_loss_from_the_best_starts(pendulum, small, scrambled):

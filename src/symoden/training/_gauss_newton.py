@@ -1,5 +1,6 @@
 """The Gauss-Newton matrix JᵀJ of the residuals, gathered window by window."""
 
+import functools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from symoden.shapes import Inputs, Scalar, State
 
 from ._flatten import Flattening, cast
 from ._objective import Batch, Objective
-from ._residuals import follow_starts, map_windows, mean_square
+from ._residuals import find_starts, follow_starts, map_windows, mean_square
 from ._starts import Found, project_out
 
 Parameters = Float[Array, " P"]
@@ -155,6 +156,22 @@ class Linearization:
     precision: DTypeLike = jnp.float32
     _kept: dict[int, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
+    @classmethod
+    def at(cls, restore: Flattening, theta: Parameters, objective: Objective, batch: Batch) -> "Linearization":
+        """Linearise about a point, from the starts that are best there.
+
+        Args:
+            restore: Makes the dynamics from flat parameters.
+            theta: The point.
+            objective: How rollouts are compared with windows.
+            batch: Windows.
+
+        Returns:
+            The linearization, with J in single precision.
+        """
+        found = find_starts(restore(theta), objective, batch)
+        return cls(restore=restore, theta=theta, objective=objective, found=found)
+
     def normal_equations(self) -> NormalEquations:
         """Gather JᵀJ and Jᵀr in bounded memory.
 
@@ -205,18 +222,24 @@ class Linearization:
             total += block.reshape(-1, total.size).T @ cotangents[some].ravel().astype(block.dtype)
         return total
 
+    @functools.cached_property
+    def _rough(self) -> tuple[Flattening, Parameters, Objective, Batch]:
+        """What J is computed from, in its precision."""
+        parts = self.restore.lean(self.theta), self.theta, self.objective, self.found.windows
+        restore, theta, objective, windows = (cast(part, self.precision) for part in parts)
+        return restore, theta, objective, windows
+
     def _blocks(self) -> Iterator[tuple[slice, Float[np.ndarray, "b r P"]]]:
         """Every block and its windows; they are kept for the next time as long as they fit into memory."""
         total, *rest = self.found.residuals.shape
         rows = math.prod(rest)
         chunk = min(self.chunk or max(1, _LARGEST_JACOBIAN // (rows * self.theta.size)), total)
-        parts = self.restore.lean(self.theta), self.theta, self.objective, self.found.windows
-        restore, theta, objective, windows = (cast(part, self.precision) for part in parts)
         for start in range(0, total, chunk):
             some, block = slice(start, min(start + chunk, total)), self._kept.get(start)
             if block is None:
                 # The last block is filled up with windows that are dropped, so that one compiled function serves all.
                 index = np.minimum(np.arange(start, start + chunk), total - 1)
+                restore, theta, objective, windows = self._rough
                 block = np.asarray(_jacobian(restore, theta, objective, windows.take(index)))[: some.stop - start]
                 if total * rows * self.theta.size <= _MOST_KEPT:
                     self._kept[start] = block

@@ -21,7 +21,7 @@ from ._flatten import Flattening, cast
 from ._gauss_newton import Linearization
 from ._level import LEAST_WINDOWS, expected_level
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
-from ._residuals import evaluate_loss, find_starts
+from ._residuals import evaluate_loss
 
 _MOST_PARAMETERS = 4000  # Beyond, the matrix takes minutes and gigabytes.
 _SUBSTEPS = 4
@@ -125,9 +125,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
         level = expected_level(restore, theta, data.objective, solver, data.train)
         objective = data.objective.refined(solver, level)
-        equations = Linearization(
-            restore=restore, theta=theta, objective=objective, found=find_starts(model, objective, data.train)
-        ).normal_equations()
+        equations = Linearization.at(restore, theta, objective, data.train).normal_equations()
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)
     factor, effective = _sandwich(
         equations.matrix * equations.residuals.size,

@@ -12,7 +12,6 @@ from symoden.spaces import Space
 from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import Batch, Objective
-from ._residuals import find_starts
 
 LEAST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
 _LARGEST: Final = 1e100  # Residual whose square is a number.
@@ -63,9 +62,7 @@ def expected_level(
         return math.inf
     model, free = restore(theta), objective.refined(solver, 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
-        equations = Linearization(
-            restore=restore, theta=theta, objective=free, found=find_starts(model, free, batch)
-        ).normal_equations()
+        equations = Linearization.at(restore, theta, free, batch).normal_equations()
     # Not so where a rollout diverges, or nothing that is open changes anything.
     sound = np.isfinite(equations.matrix).all() and np.abs(equations.residuals).max() < _LARGEST
     if not sound or not equations.loss or not np.trace(equations.matrix) > 0:

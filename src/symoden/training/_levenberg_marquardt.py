@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import Batch, Objective
-from ._residuals import find_starts, mean_square
+from ._residuals import mean_square
 
 _SMALLEST_DAMPING = 1e-14
 _LARGEST_DAMPING = 1e8
@@ -97,8 +97,7 @@ def levenberg_marquardt_step(
         (2012), *Improvements to the Levenberg-Marquardt algorithm*: lowering λ faster than raising it, and geodesic
         acceleration.
     """
-    found = find_starts(restore(state.theta), objective, batch)
-    about = Linearization(restore=restore, theta=state.theta, objective=objective, found=found)
+    about = Linearization.at(restore, state.theta, objective, batch)
     equations = about.normal_equations()
     if not np.isfinite(equations.matrix).all():  # Sensitivities can overflow in single precision.
         about = dataclasses.replace(about, precision=state.theta.dtype)
