@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from symoden.blocks import RUNGS, count_parameters
 from symoden.data import DataError, Dataset, DataWarning, Trajectory
 from symoden.models import KINDS, BlockConfig, ModelConfig, StructuredModel
 from symoden.systems import Pendulum
@@ -169,3 +170,19 @@ def test_validation_windows_are_no_training_windows(pendulum, small, quick):
                 for part in (stage.data.train, stage.data.validation)
             ]
             assert rows[0].isdisjoint(rows[1])
+
+
+def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they_are(
+    pendulum, small, quick, monkeypatch
+):
+    model = _prepare(pendulum(), small, quick)[1].model
+    few, all_of_them = (count_parameters(model, corrections=rung) for rung in (1, RUNGS))
+
+    def names(most):
+        monkeypatch.setattr(_fit, "MOST_PARAMETERS", most)
+        return [stage.name for stage in _prepare(pendulum(), small, quick)[0]][3:]
+
+    assert few < all_of_them
+    assert names(all_of_them) == ["levenberg-marquardt", "relevance", "refit", "growth"]
+    assert names(all_of_them - 1) == names(few) == ["levenberg-marquardt", "relevance", "refit"]
+    assert names(few - 1) == ["levenberg-marquardt"]

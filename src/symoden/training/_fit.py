@@ -21,7 +21,7 @@ from ._config import TrainingConfig
 from ._data import adam_data, hold_out, levenberg_data, longer_data, name_short
 from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._flatten import cast
-from ._relevance import MOST_PARAMETERS
+from ._gauss_newton import MOST_PARAMETERS
 from ._run import MODEL, Journal, Progress, Stopwatch, run
 from ._scales import measure_scales, states
 from ._stages import AbstractStage, AdamStage, Data, LevenbergStage
@@ -245,11 +245,15 @@ def _further(
     Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
     narrowed.
 
+    More than `MOST_PARAMETERS` are too many: networks then stay closed, and priors as wide as they are.
+
     Returns:
         The stages.
     """
     counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
     freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
+    if counts[RUNGS] > MOST_PARAMETERS:
+        freed = [rung for rung in freed if rung < RUNGS]
     stages = [LevenbergStage(data, config, corrections=rung) for rung in freed]
     low = [rung for rung in freed if rung < RUNGS]
     judged = max(low, default=0)

@@ -4,7 +4,7 @@ import functools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, final
+from typing import Final, NamedTuple, final
 
 import equinox as eqx
 import jax
@@ -24,6 +24,7 @@ from ._starts import Found, project_out
 Parameters = Float[Array, " P"]
 Sensitivity = Float[Array, "s P"]
 
+MOST_PARAMETERS: Final = 4000  # Beyond, matrices take gigabytes, and what is done with them in every step minutes.
 
 _LARGEST_JACOBIAN = 2**23  # Entries of a block.
 _MOST_KEPT = 2**28  # Entries of all blocks.

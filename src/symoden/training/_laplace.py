@@ -18,12 +18,11 @@ from symoden.mechanics import AbstractDynamics
 from ._config import TrainingConfig
 from ._data import hold_out, levenberg_data
 from ._flatten import Flattening, cast
-from ._gauss_newton import Linearization
+from ._gauss_newton import MOST_PARAMETERS, Linearization
 from ._level import LEAST_WINDOWS, expected_level
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss
 
-_MOST_PARAMETERS = 4000  # Beyond, the matrix takes minutes and gigabytes.
 _SUBSTEPS = 4
 _DEVIATIONS = 48  # A standard deviation from so many is 10 % right.
 
@@ -111,9 +110,9 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         model = cast(model, float)
         rung = highest_rung(model, jnp.zeros(model.space.size))
         restore, theta = Flattening.of(model, corrections=rung)
-        if not 0 < theta.size <= _MOST_PARAMETERS:
+        if not 0 < theta.size <= MOST_PARAMETERS:
             raise ValueError(
-                f"The posterior needs 1 to {_MOST_PARAMETERS} free parameters; the model has {theta.size}. "
+                f"The posterior needs 1 to {MOST_PARAMETERS} free parameters; the model has {theta.size}. "
                 "Train a smaller one."
             )
         data = levenberg_data(hold_out(dataset, config), model, config)

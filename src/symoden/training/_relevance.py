@@ -17,8 +17,6 @@ from symoden.models import StructuredModel, parts_that_fix_the_scale
 from ._gauss_newton import NormalEquations
 from ._level import LEAST_WINDOWS, independent_variance
 
-MOST_PARAMETERS: Final = 2000  # The covariance is inverted some times in every step: seconds, where a step has as many.
-
 _INNER: Final = 20
 _SETTLED: Final = 1e-3
 _LARGEST_CHANGE: Final = 10.0
