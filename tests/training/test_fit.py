@@ -16,6 +16,7 @@ from symoden.models import KINDS, BlockConfig, ModelConfig, StructuredModel
 from symoden.systems import Pendulum
 from symoden.training import TrainingConfig, TrainingError, _fit, fit
 from symoden.training._fit import _prepare
+from symoden.training._stages import LevenbergStage
 
 CONSTANT = BlockConfig(constant=True)
 
@@ -186,3 +187,22 @@ def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they
     assert names(all_of_them) == ["levenberg-marquardt", "relevance", "refit", "growth"]
     assert names(all_of_them - 1) == names(few) == ["levenberg-marquardt", "relevance", "refit"]
     assert names(few - 1) == ["levenberg-marquardt"]
+
+
+def test_of_long_logs_windows_that_are_spaced_evenly_are_predicted(pendulum, small, quick):
+    def windows(most):
+        config = dataclasses.replace(quick, lm_samples=most)
+        stages, _ = _prepare(pendulum(samples=100, count=4), small, config)
+        stage: Any = next(stage for stage in stages if isinstance(stage, LevenbergStage))
+        return stage.data
+
+    whole = windows(10_000)
+    with pytest.warns(DataWarning, match="predicts 90 of the 300 training samples"):
+        some = windows(90)
+    for few, many in ((some.train, whole.train), (some.validation, whole.validation)):
+        kept = [int(np.flatnonzero((many.q == q[None]).all(axis=(1, 2)))[0]) for q in few.q]
+        assert len(kept) == min(15, len(many.q))
+        assert (kept[0], kept[-1]) == (0, len(many.q) - 1)
+        assert np.ptp(np.diff(kept)) <= 1
+    with pytest.warns(DataWarning, match="predicts 6 of the 300"):
+        assert windows(1).validation.ts.shape == (1, 6)

@@ -28,6 +28,7 @@ class TrainingConfig:
         lm_horizon: Steps that Levenberg-Marquardt predicts; chosen from the data's time scale if None, and at the end
             doubled twice where validation gains by more than its standard error.
         lm_substeps: RK4 steps in each sampling interval then; chosen by their error if None.
+        lm_samples: Most samples that it predicts in a step; of long logs, windows that are spaced evenly hold so many.
         damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
         prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance; where priors are
             learned, the first one.
@@ -58,6 +59,7 @@ class TrainingConfig:
     lm_steps: int = 20
     lm_horizon: int | None = None
     lm_substeps: int | None = None
+    lm_samples: int = 2**15
     damping: float = 1e-4
     prior: float = 1.0
     patience: int = 4
@@ -76,6 +78,7 @@ class TrainingConfig:
             "adam_steps": 0,
             "batch_size": 1,
             "lm_steps": 0,
+            "lm_samples": 1,
             "patience": 1,
             "growth_steps": 0,
             "relevance_steps": 0,

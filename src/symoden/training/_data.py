@@ -63,7 +63,7 @@ def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConf
 
 
 def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
-    """Cut longer windows end to end, each sample being predicted once, in double precision.
+    """Cut longer windows end to end, no sample being predicted twice, in double precision.
 
     Args:
         dataset: Recordings.
@@ -74,7 +74,19 @@ def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: Trainin
         The windows, and the sensors' noise at their starts.
     """
     horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
-    return _free_starts(_data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64), dataset)
+    data = _data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
+    return _free_starts(_thinned(data, config.lm_samples), dataset)
+
+
+def _thinned(data: Data, most: int) -> Data:
+    """Of more samples than that, windows that are spaced evenly."""
+
+    def thin(batch: Batch) -> Batch:
+        count, samples = batch.ts.shape
+        kept = min(count, max(1, most // samples))
+        return batch if kept == count else batch.take(np.linspace(0, count - 1, kept).round().astype(int))
+
+    return data._replace(train=thin(data.train), validation=None if data.validation is None else thin(data.validation))
 
 
 def _free_starts(data: Data, dataset: Dataset) -> Data:
@@ -145,6 +157,26 @@ def name_short(dataset: Dataset, data: Data) -> None:
         warnings.warn(message, DataWarning, stacklevel=2)
 
 
+def name_thinned(dataset: Dataset, data: Data, config: TrainingConfig) -> None:
+    """Warn of long logs of which Levenberg-Marquardt predicts a part.
+
+    Args:
+        dataset: Recordings.
+        data: Windows of them.
+        config: Settings of training.
+
+    Warns:
+        DataWarning: If these are such.
+    """
+    samples = sum(map(len, dataset.train))
+    if samples > config.lm_samples:
+        message = (
+            f"Levenberg-Marquardt predicts {data.train.ts.size} of the {samples} training samples, in windows that are "
+            "spaced evenly (`TrainingConfig.lm_samples` says how many)"
+        )
+        warnings.warn(message, DataWarning, stacklevel=2)
+
+
 def _cut(recordings: Sequence[Trajectory], horizon: int, *, stride: int, dtype: DTypeLike) -> Batch:
     """Windows of the recordings that are long enough."""
     long = [recording for recording in recordings if len(recording) > horizon]
@@ -178,6 +210,5 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
         if dataset.validation:
             steps = min(horizon, _usual_steps(dataset.validation, horizon))
             long = long._replace(validation=_cut(dataset.validation, steps, stride=steps, dtype=jnp.float64))
-        long = _free_starts(long, dataset)
-        found.append(long)
+        found.append(_free_starts(_thinned(long, config.lm_samples), dataset))
     return found

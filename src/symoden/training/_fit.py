@@ -18,7 +18,7 @@ from symoden.spaces import Space
 
 from ._adam import adam
 from ._config import TrainingConfig
-from ._data import adam_data, hold_out, levenberg_data, longer_data, name_short
+from ._data import adam_data, hold_out, levenberg_data, longer_data, name_short, name_thinned
 from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._flatten import cast
 from ._gauss_newton import MOST_PARAMETERS
@@ -174,6 +174,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     if config.lm_steps:
         data = levenberg_data(dataset, dynamics, config)
         name_short(dataset, data)
+        name_thinned(dataset, data, config)
         if free:
             stages.append(LevenbergStage(data, config))
         stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
