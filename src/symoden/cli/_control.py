@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 
+from symoden.blocks import without_silent
 from symoden.control import METHODS, Loop, Method
 from symoden.experiments import (
     LEARNED,
@@ -55,7 +56,7 @@ def run(command: Control) -> None:
         machine, plants = _learned(command, config, model)
     else:
         machine = machine_of(config.source, command.env)
-    result = try_control(model, machine, settings, plants=plants, tell=_tell)
+    result = try_control(without_silent(model), machine, settings, plants=plants, tell=_tell)
     outside = outside_data(result, config.data.ranges)
     names = config.data.position_names, config.data.input_names
     if command.figure is not None:
@@ -82,8 +83,8 @@ def _learned(
     if not command.target:
         raise ValueError("The learned model needs `--target`: where to go, a number for each coordinate [rad or m].")
     ensemble = read_ensemble(command.run, model, config)
-    plants = () if ensemble is None else tuple(ensemble.models())
-    return learned_machine(model, command.target, config.data.ranges), plants
+    plants = () if ensemble is None else tuple(map(without_silent, ensemble.models()))
+    return learned_machine(without_silent(model), command.target, config.data.ranges), plants
 
 
 def _check_files(command: Control) -> None:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from symoden.blocks import without_silent
 from symoden.data import Trajectory
 from symoden.integrate import HOLDS, AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
@@ -88,6 +89,7 @@ def audit(
         return Audit(
             recordings=len(trajectories), rollouts=0, diverged=None, rollout_violation=None, outside=away.mean(), **none
         )
+    model = without_silent(model)
     chosen = trajectories[:: -(-len(trajectories) // _MOST_ROLLOUTS)]
     starts = [
         Stretch(trajectory=trajectory, start=0, stop=min(_ROLLOUT_STEPS + 1, len(trajectory))) for trajectory in chosen

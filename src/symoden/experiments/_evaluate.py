@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from symoden.blocks import without_silent
 from symoden.data import Dataset, Trajectory
 from symoden.integrate import HOLDS, AbstractSolver, Hold, Rollout, rollout
 from symoden.mechanics import AbstractDynamics
@@ -220,7 +221,8 @@ def paths(
     Yields:
         The index of a stretch, and its rollout; not in order.
     """
-    for i, path in in_batches(lambda batch: _rollouts(model, batch, solver, hold), stretches):
+    lean = without_silent(model)
+    for i, path in in_batches(lambda batch: _rollouts(lean, batch, solver, hold), stretches):
         samples = len(stretches[i])
         q = path.q[:samples]
         if isinstance(model, NaiveModel):

@@ -135,7 +135,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         prior=max(config.prior, np.finfo(float).eps),
     )
     return Laplace(
-        restore=restore,
+        restore=restore.lean(theta),
         theta=np.asarray(theta, float),
         windows=windows,
         factor=factor,
