@@ -28,6 +28,7 @@ from symoden.models import BlockConfig, ModelConfig, StructuredModel, build, emb
 from symoden.shapes import Coordinates, Inputs, Observation, Rates, Scalar, State
 from symoden.storage import write_atomically
 from symoden.training import TrainingConfig, fit
+from symoden.training._gauss_newton import Linearization
 
 
 @final
@@ -98,28 +99,37 @@ def with_free_dry_friction(model: StructuredModel) -> StructuredModel:
     return eqx.tree_at(lambda model: model.friction.laws, model, model.friction.laws.function)  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def sized(*hidden: int) -> dict[str, BlockConfig]:
-    """M⁻¹ and V of this size."""
+def in_double(*problem: Any) -> Linearization:  # noqa: ANN401 - as `Linearization.at`
+    """J in double precision; the default has it in single."""
+    return dataclasses.replace(_AT(*problem), precision=float)
+
+
+def networks(*hidden: int) -> dict[str, BlockConfig]:
+    """M⁻¹ and V as networks of this size, without harmonics."""
     return {"inverse_mass": BlockConfig(hidden=hidden), "potential": BlockConfig(hidden=hidden)}
 
 
-NETWORK = BlockConfig(hidden=(16, 16))
+_AT = Linearization.at
+_NETWORK = BlockConfig(hidden=(16, 16))
+_LONG = {"lm_steps": 0, "restarts": 1, "adam_steps": 10000}
 VARIANTS = (
     Variant("default"),
     Variant("Adam alone, 3 × 600 steps", training={"lm_steps": 0}),
-    Variant("no acceleration", patches={"symoden.training._levenberg_marquardt._LARGEST_BEND": 0.0}),
-    Variant("g and D as networks", {"actuation": NETWORK, "friction": NETWORK, "knees": ()}),
+    Variant("Levenberg-Marquardt alone", training={"adam_steps": 0}),
+    Variant("M⁻¹ and V as networks of 16, 16", networks(16, 16)),
+    Variant("these with tanh for silu", networks(16, 16) | {"activation": "tanh"}),
+    Variant("these with sin for silu", networks(16, 16) | {"activation": "sin"}),
+    Variant("M⁻¹ and V as networks of 8, 8", networks(8, 8)),
+    Variant("M⁻¹ and V as networks of 32, 32", networks(32, 32)),
+    Variant("g and D as networks", {"actuation": _NETWORK, "friction": _NETWORK, "knees": ()}),
     Variant("full friction, 2n × 2n", {"full_friction": True, "knees": ()}),
     Variant("dry friction free from the start", change=with_free_dry_friction),
     Variant("embedded integration", change=lambda model: Embedded(model=model)),  # pyright: ignore[reportCallIssue]
-    Variant("Levenberg-Marquardt alone", training={"adam_steps": 0}),
+    Variant("no acceleration", patches={"symoden.training._levenberg_marquardt._LARGEST_BEND": 0.0}),
+    Variant("J in double precision", patches={"symoden.training._gauss_newton.Linearization.at": in_double}),
     Variant("one start of Adam", training={"restarts": 1}),
-    Variant("M⁻¹ and V of 8, 8", sized(8, 8)),
-    Variant("tanh", {"activation": "tanh"}),
-    Variant("sin", {"activation": "sin"}),
-    Variant("M⁻¹ and V of 32, 32", sized(32, 32)),
-    Variant("Adam alone, 10 000 steps", training={"lm_steps": 0, "restarts": 1, "adam_steps": 10000}),
-    Variant("Adam alone, 10 000 steps, 64, 64", sized(64, 64), {"lm_steps": 0, "restarts": 1, "adam_steps": 10000}),
+    Variant("Adam alone, 10 000 steps", training=_LONG),
+    Variant("Adam alone, 10 000 steps, networks of 64, 64", networks(64, 64), _LONG),
 )
 
 
