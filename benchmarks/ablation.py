@@ -9,6 +9,7 @@ import argparse
 import contextlib
 import dataclasses
 import json
+import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -27,7 +28,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import BlockConfig, ModelConfig, StructuredModel, build, embedded_vector_field
 from symoden.shapes import Coordinates, Inputs, Observation, Rates, Scalar, State
 from symoden.storage import write_atomically
-from symoden.training import TrainingConfig, fit
+from symoden.training import TrainingConfig, TrainingError, fit
 from symoden.training._gauss_newton import Linearization
 
 
@@ -148,11 +149,15 @@ def changed(variant: Variant) -> Iterator[None]:
 
 
 def measure(task: str, variant: Variant) -> dict[str, Any]:
-    """Train and score once."""
+    """Train and score once; errors are infinite where no model came of it."""
     source = read_source(task)
     model, training = ModelConfig(**variant.model), TrainingConfig(**variant.training)
     with changed(variant):
-        result = fit(source.dataset, model=model, config=training)
+        try:
+            result = fit(source.dataset, model=model, config=training)
+        except TrainingError:
+            failed = dict.fromkeys(("test_error", "prediction_error", "seconds"), math.inf)
+            return {"task": task, "variant": variant.name, "parameters": 0, "blocks": None} | failed
         score = score_task(result.model, source, solver=RK4(4))
     learned = result.model.model if isinstance(result.model, Embedded) else result.model
     blocks = block_errors(learned, source)
