@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.data import Dataset
-from symoden.experiments import Ranges, calibrate_bands, certainty, inspect_model, score_bands, simulate, task
+from symoden.data import Dataset, Trajectory
+from symoden.experiments import Ranges, _bands, calibrate_bands, certainty, inspect_model, score_bands, simulate, task
 from symoden.integrate import RK4
 from symoden.models import BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space
@@ -133,6 +133,17 @@ def test_bands_cover_what_they_say(trained, kind):
     assert 0 < score.from_parameters < 1
     blind = dataclasses.replace(held, validation=())
     assert calibrate_bands(posterior, blind, solver=RK4(2)).calibrated_on == "train"
+
+
+def test_bands_look_at_some_windows_of_long_logs_that_are_spaced_evenly(monkeypatch):
+    ts = np.linspace(0.0, 10.0, 201)
+    rest = np.zeros((len(ts), 1))
+    log = Trajectory(name="log", ts=ts, q=rest, rates=rest, us=rest)
+    every = [stretch.start for stretch in _bands._windows_of([log, log])]
+    assert len(every) == 2 * 37
+    monkeypatch.setattr(_bands, "_MOST_WINDOWS", 5)
+    some = [stretch.start for stretch in _bands._windows_of([log, log])]
+    assert some == [0, *(every[i] for i in (18, 36, 55)), every[-1]]
 
 
 def test_models_without_blocks_have_no_bands(learned):

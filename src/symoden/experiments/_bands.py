@@ -21,6 +21,7 @@ from ._evaluate import one_second_windows, paths
 
 _BINS = 20
 _BATCH = 8192  # Samples that are linearised at once.
+_MOST_WINDOWS = 2000  # Eight minutes, at four windows in a second; hours of logs tell no more.
 _TINY = 1e-12
 
 Variances: TypeAlias = Callable[[Float[np.ndarray, " N"]], Float[np.ndarray, "N n"]]
@@ -193,12 +194,14 @@ class _Path(NamedTuple):
 
 
 def _windows_of(recordings: Sequence[Trajectory]) -> list[Stretch]:
-    """Windows of 1 s; a recording that is shorter, such as a held-out end, is one window."""
-    return [
+    """Windows of 1 s, of many some; a recording that is shorter, such as a held-out end, is one window."""
+    found = [
         Stretch(trajectory=recording, start=start, stop=stop)
         for recording in recordings
         for start, stop in one_second_windows(recording) or [(0, len(recording))]
     ]
+    kept = np.linspace(0, len(found) - 1, min(len(found), _MOST_WINDOWS)).round().astype(int)
+    return [found[i] for i in kept]
 
 
 def _paths(
