@@ -89,18 +89,17 @@ def audit(
         return Audit(
             recordings=len(trajectories), rollouts=0, diverged=None, rollout_violation=None, outside=away.mean(), **none
         )
-    model = without_silent(model)
+    lean = without_silent(model)
     chosen = trajectories[:: -(-len(trajectories) // _MOST_ROLLOUTS)]
     starts = [
         Stretch(trajectory=trajectory, start=0, stop=min(_ROLLOUT_STEPS + 1, len(trajectory))) for trajectory in chosen
     ]
     violations = np.array(
-        [float(value) for _, value in in_batches(lambda b: _violations(model, b, solver, HOLDS[hold]), starts)]
+        [float(value) for _, value in in_batches(lambda b: _violations(lean, b, solver, HOLDS[hold]), starts)]
     )
     finite = violations[np.isfinite(violations)]
     logs = [
-        log
-        for _, log in in_batches(lambda b: _logs(model, b, HOLDS[hold]), pieces(trajectories, _PIECE), samples=16384)
+        log for _, log in in_batches(lambda b: _logs(lean, b, HOLDS[hold]), pieces(trajectories, _PIECE), samples=16384)
     ]
     residuals = [float(log.residual) for log in logs]
     return Audit(
