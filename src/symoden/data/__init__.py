@@ -13,7 +13,7 @@ from ._split import segments as segments, split_validation as split_validation
 from ._time_scale import time_scales as time_scales
 from ._trajectory import Trajectory as Trajectory
 from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
-from ._windows import Windows as Windows, windows as windows
+from ._windows import Windows as Windows, spaced_evenly as spaced_evenly, windows as windows
 from ._write_dataset import write_dataset as write_dataset
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "read_dataset",
     "resample",
     "segments",
+    "spaced_evenly",
     "split_validation",
     "time_scales",
     "velocity_noise_gain",

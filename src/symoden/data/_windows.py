@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int
 
 from ._errors import DataError
 from ._trajectory import Trajectory
@@ -74,6 +74,23 @@ def windows(trajectories: Sequence[Trajectory], horizon: int, *, stride: int = 1
         rates=_stacked([trajectory.rates for trajectory in trajectories], horizon + 1, stride),
         us=_stacked([trajectory.us for trajectory in trajectories], horizon + 1, stride),
     )
+
+
+def spaced_evenly(count: int, most: int) -> Int[np.ndarray, " k"]:
+    """Choose so many of a number of windows, the first and the last among them; all where there are fewer.
+
+    Args:
+        count: Number of windows.
+        most: How many to choose, at least 1.
+
+    Returns:
+        Their indices, in order.
+
+    Example:
+        >>> spaced_evenly(9, 3), spaced_evenly(2, 3)
+        (array([0, 4, 8]), array([0, 1]))
+    """
+    return np.linspace(0, count - 1, min(count, most)).round().astype(int)
 
 
 def _stacked(signals: list[np.ndarray], samples: int, stride: int) -> np.ndarray:

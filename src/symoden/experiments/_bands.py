@@ -10,7 +10,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.data import Dataset, Trajectory
+from symoden.data import Dataset, Trajectory, spaced_evenly
 from symoden.integrate import HOLDS, AbstractSolver, Hold, rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.training import AbstractPosterior, AbstractScatter
@@ -200,8 +200,7 @@ def _windows_of(recordings: Sequence[Trajectory]) -> list[Stretch]:
         for recording in recordings
         for start, stop in one_second_windows(recording) or [(0, len(recording))]
     ]
-    kept = np.linspace(0, len(found) - 1, min(len(found), _MOST_WINDOWS)).round().astype(int)
-    return [found[i] for i in kept]
+    return [found[i] for i in spaced_evenly(len(found), _MOST_WINDOWS)]
 
 
 def _paths(

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 
-from symoden.data import Dataset, DataWarning, Trajectory, measure_noise, split_validation, windows
+from symoden.data import Dataset, DataWarning, Trajectory, measure_noise, spaced_evenly, split_validation, windows
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
@@ -83,8 +83,7 @@ def _thinned(data: Data, most: int) -> Data:
 
     def thin(batch: Batch) -> Batch:
         count, samples = batch.ts.shape
-        kept = min(count, max(1, most // samples))
-        return batch if kept == count else batch.take(np.linspace(0, count - 1, kept).round().astype(int))
+        return batch.take(spaced_evenly(count, max(1, most // samples)))
 
     return data._replace(train=thin(data.train), validation=None if data.validation is None else thin(data.validation))
 
