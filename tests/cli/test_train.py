@@ -29,7 +29,9 @@ def tiny(name, *, task, kind):
         energy=(4,),
     )
     lm_steps = 2 if kind == "dissipative" else 0
-    return model, TrainingConfig(adam_steps=20, lm_steps=lm_steps, growth_steps=0, relevance_steps=0, batch_size=32)
+    return model, TrainingConfig(
+        adam_steps=20, lm_steps=lm_steps, lm_substeps=2, growth_steps=0, relevance_steps=0, batch_size=32
+    )
 
 
 def same_weights(one, other):
@@ -62,6 +64,7 @@ def test_a_run_holds_what_the_contract_says(trained, arm):
     config = read_run(trained)
     assert (config.source, config.seed, config.preset, config.model.kind) == (str(arm), 0, "default", "dissipative")
     assert config.training.adam_steps == 20
+    assert config.substeps == 2
     assert [json.loads(line)["stage"] for line in (trained / "metrics.jsonl").read_text().splitlines()]
     assert read_model(trained).inputs == 1
 

@@ -159,6 +159,7 @@ def test_training_never_overwrites_what_is_there(tmp_path):
 def test_rollouts_are_at_least_as_fine_as_in_training():
     assert evaluation_solver(settings()).substeps == 4
     assert evaluation_solver(settings(training=TrainingConfig(lm_substeps=8))).substeps == 8
+    assert evaluation_solver(settings(substeps=16)).substeps == 16
 
 
 def test_other_data_must_be_of_the_same_mechanism():

@@ -116,6 +116,14 @@ def test_priors_that_settled_are_challenged_by_stronger_ones_until_validation_lo
     assert all(np.array_equal(x, y) for x, y in chosen)
 
 
+def test_what_was_best_is_judged_anew_where_integration_is_refined(stage, monkeypatch):
+    stage, state = stage
+    monkeypatch.setattr(LevenbergStage, "_refined", lambda *_: 2)
+    after, _ = stage.advance(stage.start(state)._replace(best_loss=1e-9))  # As the errors of integration have it.
+    assert after.best_loss > 1e-9
+    assert after.substeps == 2
+
+
 def test_in_a_refit_learned_priors_fade_with_the_loss(stage, monkeypatch):
     stage, state = stage
     learned = Relevance.start(state.model, 50.0)._replace(variance=jnp.asarray(1e3))

@@ -99,6 +99,7 @@ class RunConfig:
         model: Settings of the model.
         training: Settings of training.
         data: Summary of the data.
+        substeps: RK4 steps in a sampling interval that training settled on, once it has ended.
         versions: Versions of Python and of the packages that matter.
         commit: Commit of the package's sources, where they are in a git repository.
     """
@@ -113,6 +114,7 @@ class RunConfig:
     model: ModelConfig
     training: TrainingConfig
     data: DataSummary
+    substeps: int = 1
     versions: dict[str, str] = field(default_factory=_versions)
     commit: str | None = field(default_factory=_commit)
 
@@ -280,7 +282,10 @@ def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dat
         StorageError: If the ensemble is damaged, or that of another model.
     """
     ensemble = read_ensemble(folder, model, config)
-    return infer_posterior(model, dataset, config.training) if ensemble is None else ensemble
+    if ensemble is not None:
+        return ensemble
+    substeps = int(evaluation_solver(config).substeps)
+    return infer_posterior(model, dataset, dataclasses.replace(config.training, lm_substeps=substeps))
 
 
 def read_ensemble(folder: Path, model: AbstractDynamics, config: RunConfig) -> Ensemble | None:
@@ -306,7 +311,7 @@ def read_ensemble(folder: Path, model: AbstractDynamics, config: RunConfig) -> E
 
 
 def evaluation_solver(config: RunConfig) -> RK4:
-    """Solver of a run's rollouts: four RK4 steps in a sampling interval, or what was asked for in training if more.
+    """Solver of a run's rollouts: four RK4 steps in a sampling interval, or more where training used more.
 
     Args:
         config: Settings of the run.
@@ -314,7 +319,7 @@ def evaluation_solver(config: RunConfig) -> RK4:
     Returns:
         The solver.
     """
-    return RK4(max(_LEAST_SUBSTEPS, config.training.substeps, config.training.lm_substeps or 1))
+    return RK4(max(_LEAST_SUBSTEPS, config.training.substeps, config.training.lm_substeps or 1, config.substeps))
 
 
 def refuse_occupied(folder: Path) -> None:
@@ -368,7 +373,7 @@ def train_run(
         if fresh or config != read_run(folder):
             write_run(folder, config)
         try:
-            return fit(
+            result = fit(
                 dataset,
                 model=config.model,
                 config=config.training,
@@ -383,3 +388,5 @@ def train_run(
                 (folder / "config.json").unlink()  # Nothing was begun: the folder is free for corrected data.
                 folder.rmdir()
             raise
+        write_run(folder, dataclasses.replace(config, substeps=result.substeps))
+        return result

@@ -44,6 +44,7 @@ class FitResult:
         completed: Whether every stage came to its end.
         loss: Its loss on the validation data (on the training data without them).
         seconds: Time spent [s], earlier runs included, but for the time that members took in these.
+        substeps: RK4 steps in a sampling interval that its rollouts need, `rollout(..., solver=RK4(substeps))`.
         ensemble: Models that were trained like it, if any were asked for.
     """
 
@@ -52,6 +53,7 @@ class FitResult:
     completed: bool
     loss: float
     seconds: float
+    substeps: int
     ensemble: Ensemble | None = None
 
 
@@ -153,6 +155,7 @@ def fit(
         completed=completed,
         loss=state.best_loss,
         seconds=watch.seconds,
+        substeps=state.substeps,
         ensemble=ensemble,
     )
 

@@ -214,11 +214,10 @@ class LevenbergStage(AbstractStage):
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
         best = cast(state.best, self.data.train.q.dtype)
-        judged = self.data.train if self.data.validation is None else self.data.validation
         restore, theta = Flattening.of(best, corrections=self.corrections, dtype=self.data.train.q.dtype)
         solver = RK4(jnp.asarray(state.substeps))
         level = expected_level(restore, theta, self.data.objective, solver, self.data.train)
-        loss = evaluate_loss(best, self.objective(state.substeps, level), judged)
+        loss = evaluate_loss(best, self.objective(state.substeps, level), self._judged)
         # Longer windows tell of parameters that shorter ones do not, and whose priors were narrowed.
         fresh = Relevance.start(best, self.config.prior)
         known = state.memory if isinstance(state.memory, Relevance) else fresh
@@ -243,6 +242,8 @@ class LevenbergStage(AbstractStage):
             return self._defended(state, kept=False), report
         substeps = self._refined(state)
         objective = self.objective(substeps, state.level)
+        if substeps != state.substeps:  # What was best may have fitted the errors of integration.
+            state = state._replace(best_loss=evaluate_loss(state.best, objective, self._judged))
         restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
         before = LevenbergState(theta, state.damping)
         after, step = self.step(
@@ -343,8 +344,7 @@ class LevenbergStage(AbstractStage):
         if kept:
             return state
         best, memory, origin, level = state.incumbent
-        judged = self.data.train if self.data.validation is None else self.data.validation
-        loss = evaluate_loss(best, self.objective(state.substeps, state.level), judged)
+        loss = evaluate_loss(best, self.objective(state.substeps, state.level), self._judged)
         return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, level=level)
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
@@ -355,6 +355,11 @@ class LevenbergStage(AbstractStage):
             return True, "converged"
         finished = state.step >= self.steps
         return finished, "all steps taken" if finished else ""
+
+    @property
+    def _judged(self) -> Batch:
+        """Windows that models are chosen by."""
+        return self.data.train if self.data.validation is None else self.data.validation
 
     @property
     def _enough(self) -> float:
