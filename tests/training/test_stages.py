@@ -95,27 +95,6 @@ def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_agains
     assert (float(after.memory.variance) > 0) == ("relevance" in kind and kept)
 
 
-def test_priors_that_settled_are_challenged_by_stronger_ones_until_validation_loses(stage, monkeypatch):
-    stage, state = stage
-    data = stage.data._replace(validation=stage.data.train)
-    config = dataclasses.replace(stage.config, patience=1, relevance_steps=20)
-    relevance = dataclasses.replace(stage, data=data, config=config, corrections=1, relevance=True)
-    monkeypatch.setattr(_stages, "_SETTLED", np.inf)  # Every step but the first settles.
-    errors = iter([0.5, -0.1, 0.1])  # The first is the price of simplicity; those after it must gain.
-    monkeypatch.setattr(type(data), "compare", lambda *_: next(errors))
-    state, models, variances = relevance.start(state), [], []
-    finished = False
-    while not finished:
-        state, report = relevance.advance(state)
-        finished = report.finished
-        models.append(state.model)
-        variances.append(float(state.memory.variance))
-    first = variances[0]
-    assert variances == pytest.approx([first, 4 * first, 16 * first, 4 * first])
-    chosen = zip(jax.tree.leaves(models[2]), jax.tree.leaves(state.best), strict=True)
-    assert all(np.array_equal(x, y) for x, y in chosen)
-
-
 def test_what_was_best_is_judged_anew_where_integration_is_refined(stage, monkeypatch):
     stage, state = stage
     monkeypatch.setattr(LevenbergStage, "_refined", lambda *_: 2)

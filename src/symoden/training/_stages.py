@@ -34,7 +34,6 @@ EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which n
 EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
 _STATES = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
-_STRONGER = 4  # Times the variance that learned priors are weighed against, in the next attempt.
 _NETWORKS = 2  # Standard errors that networks must gain: they are many numbers, and extrapolate badly.
 STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
 
@@ -312,12 +311,7 @@ class LevenbergStage(AbstractStage):
     def _learned(
         self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], judged: float
     ) -> tuple[TrainingState, bool, str]:
-        """Learn the priors from a step from θ.
-
-        Once they have settled, validation chooses between what came of it and what was. What is kept is challenged by
-        priors that a residual counts less beside, as long as validation gains: how much the windows of other recordings
-        would differ cannot be told from those at hand.
-        """
+        """Learn the priors from a step from θ; after the last one, choose between what came of it and what was."""
         at = state.model, self.corrections
         priors = state.memory.learn(step.equations, theta, *at)
         change = math.inf
@@ -325,19 +319,10 @@ class LevenbergStage(AbstractStage):
             change = priors.effective(step.equations, *at) / state.memory.effective(step.equations, *at) - 1
         state = state._replace(memory=priors, stale=state.stale + 1 if abs(change) < _SETTLED else 0)
         ended, outcome = self._ended(state)
-        if not ended:
-            return state, ended, outcome
-        objective = self.objective(state.substeps, state.level)
-        worse = self.data.compare(state.model, state.incumbent.model, objective)
-        challenges = state.incumbent.memory.variance > 0
-        kept = worse < 0 if challenges else worse <= 1
-        settled = state.stale >= self.config.patience and state.step < self.steps
-        state = self._defended(state._replace(best=state.model, best_loss=judged), kept=kept)
-        if not kept or not settled or worse == 0:
-            return state, ended, outcome
-        stronger = priors._replace(variance=_STRONGER * priors.variance)
-        incumbent = Incumbent(state.model, priors, state.stage, state.level)
-        return state._replace(incumbent=incumbent, memory=stronger, stale=0), False, ""
+        if ended:
+            worse = self.data.compare(state.model, state.incumbent.model, self.objective(state.substeps, state.level))
+            state = self._defended(state._replace(best=state.model, best_loss=judged), kept=worse <= 1)
+        return state, ended, outcome
 
     def _defended(self, state: TrainingState, *, kept: bool) -> TrainingState:
         """State at the end of the stage: as it is, or as it was before."""
