@@ -66,6 +66,17 @@ def test_every_kind_of_model_trains(kind, pendulum, small, quick):
     assert long.loss < short.loss
 
 
+def test_nine_samples_a_period_are_enough():
+    ts = 0.7 * np.arange(60)
+    swings = [
+        Trajectory(name=f"{a}", ts=ts, q=a * np.sin(ts)[:, None], rates=a * np.cos(ts)[:, None], us=np.zeros((60, 0)))
+        for a in (0.5, 1.0, 1.5, 2.0)
+    ]
+    config = TrainingConfig(adam_steps=200, restarts=1, lm_steps=6, growth_steps=0, relevance_steps=0)
+    result = fit(Dataset(name="spring", space="R1", train=tuple(swings)), config=config)
+    assert result.loss < 1e-4
+
+
 @pytest.mark.parametrize("change", [{"inputs": 0}, {"momenta": True}, {"count": 1}], ids=["free", "momenta", "single"])
 def test_odd_recordings_train(change, pendulum, small, quick):
     result = fit(pendulum(**change), model=small, config=dataclasses.replace(quick, adam_steps=20))

@@ -11,10 +11,10 @@ import pytest
 from symoden.blocks import RUNGS
 from symoden.models import build
 from symoden.spaces import Space
-from symoden.training import _data, _stages
+from symoden.training import _data, _fit, _stages
 from symoden.training._gauss_newton import Linearization
 from symoden.training._relevance import Relevance
-from symoden.training._stages import LevenbergStage
+from symoden.training._stages import AdamStage, LevenbergStage
 from symoden.training._state import Incumbent, TrainingState
 
 
@@ -101,6 +101,31 @@ def test_what_was_best_is_judged_anew_where_integration_is_refined(stage, monkey
     after, _ = stage.advance(stage.start(state)._replace(best_loss=1e-9))  # As the errors of integration have it.
     assert after.best_loss > 1e-9
     assert after.substeps == 2
+
+
+def test_integration_is_refined_where_rollouts_diverge(stage, monkeypatch):
+    stage, state = stage
+    stage = dataclasses.replace(stage, config=dataclasses.replace(stage.config, lm_substeps=None))
+    for lost in (np.inf, np.nan):
+        monkeypatch.setattr(_stages, "evaluate_loss", lambda *_, lost=lost: lost)
+        monkeypatch.setattr(_stages, "integration_error", lambda *_, lost=lost: lost)
+        assert [stage._refined(state._replace(substeps=n)) for n in (1, 4, 16)] == [2, 8, 16]
+
+
+def test_adam_goes_on_where_a_window_diverges_and_says_so_where_all_do(stage, pendulum, quick):
+    _, state = stage
+    quick = dataclasses.replace(quick, batch_size=4)
+    data = _data.adam_data(pendulum(), state.model, quick)
+    fast = jnp.asarray(1e30, data.train.rates.dtype)  # Its square is no number in single precision.
+    for lost in (slice(0, 1), slice(None)):
+        spoilt = data.train._replace(rates=data.train.rates.at[lost].set(fast))
+        adam = AdamStage(data._replace(train=spoilt), quick, state.model, _fit._optimizer(quick))
+        started = adam.start(state)
+        with jax.numpy_dtype_promotion("standard"):
+            after, report = adam.advance(started)
+        same = eqx.tree_equal(started.model, after.model)
+        assert (report.outcome == _stages.DIVERGED) == same == (lost == slice(None))
+        assert all(np.isfinite(x).all() for x in jax.tree.leaves(eqx.filter(after.model, eqx.is_inexact_array)))
 
 
 def test_in_a_refit_learned_priors_fade_with_the_loss(stage, monkeypatch):

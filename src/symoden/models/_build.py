@@ -1,6 +1,6 @@
 """Build one of the five models from its settings."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import equinox as eqx
@@ -61,7 +61,8 @@ class BlockConfig:
             and stays frozen until validation data ask for it.
         harmonics: On a space with angles, start likewise from products of their first harmonics and of low powers of
             lengths, as rigid bodies on joints have them: of up to three factors, on more than three coordinates of as
-            many as leave a block below 2000 numbers. On lengths alone the network is free from the start.
+            many as leave a block below 2000 numbers. On lengths alone M starts from a constant, as what slides has it, and
+            the network of any other block is free from the start.
     """
 
     hidden: tuple[int, ...] = ()
@@ -245,8 +246,11 @@ class _Maker:
             scale = _known(np.sqrt(self.scales.momentum / self.scales.velocity))
             return InverseBlock(GramBlock(jacobian, scale, floor=self.config.floor**2))
         base = identity_triangle(n) if self.config.scaled else None
+        config = self.config.inverse_mass
+        if config.harmonics:
+            config = replace(config, constant=True, harmonics=False)
         return CholeskyBlock(
-            function=self._function(self.config.inverse_mass, n * (n + 1) // 2, base=base, key=key),
+            function=self._function(config, n * (n + 1) // 2, base=base, key=key),
             scale=_known(np.sqrt(self.scales.velocity / self.scales.momentum)),
             floor=self.config.floor,
         )

@@ -32,6 +32,8 @@ def adam(
 ) -> optax.GradientTransformation:
     """Compose the optimiser.
 
+    A step whose gradient is not finite is skipped: under untrained weights a rare window may diverge.
+
     Args:
         steps: Number of steps over which a cosine schedule falls to zero.
         learning_rate: First learning rate.
@@ -45,7 +47,7 @@ def adam(
     rate = optax.cosine_decay_schedule(learning_rate, max(steps, 1)) if cosine else learning_rate
     decay = optax.add_decayed_weights(weight_decay) if weight_decay else optax.identity()
     clipping = optax.identity() if clip is None else optax.clip_by_global_norm(clip)
-    return optax.chain(decay, clipping, optax.adam(rate))
+    return optax.apply_if_finite(optax.chain(decay, clipping, optax.adam(rate)), max_consecutive_errors=max(steps, 1))
 
 
 @final

@@ -152,8 +152,9 @@ class AdamStage(AbstractStage):
         model = restore(Flattening.of(eqx.combine(after.free, fixed), corrections=0, dtype=theta.dtype)[1])
         validation = self.data.validation_loss(model, self.data.objective)
         state = state._replace(step=state.step + steps, model=model, memory=after.optimizer)
-        loss = float(jnp.mean(losses))
-        if not math.isfinite(loss):
+        finite = np.asarray(losses)[np.isfinite(losses)]  # The others were skipped.
+        loss = float(np.mean(finite)) if finite.size else math.inf
+        if not finite.size:
             return state._replace(model=state.best), Report(loss, validation, finished=True, outcome=DIVERGED)
         judged = loss if validation is None else validation
         if judged < state.best_loss or not self.config.keep_best:
@@ -381,5 +382,6 @@ class LevenbergStage(AbstractStage):
         sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
         error = integration_error(state.model, coarse, self.objective(2 * state.substeps, state.level), sample)
         loss = evaluate_loss(state.model, coarse, sample)
-        finer = error > 0.01 * loss and state.substeps < _MOST_SUBSTEPS
+        fine = math.isfinite(loss) and error <= 0.01 * loss
+        finer = not fine and state.substeps < _MOST_SUBSTEPS
         return 2 * state.substeps if finer else state.substeps
