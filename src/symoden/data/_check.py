@@ -9,10 +9,11 @@ import numpy as np
 
 from ._clocks import find_other_clocks
 from ._description import Description, read_description
-from ._errors import DataError, is_text
+from ._errors import DataError
 from ._examine import examine, is_idle
 from ._facts import ChannelFacts
-from ._findings import Finding
+from ._findings import SHOWN_SPANS, Finding
+from ._left_out import find_absent, find_masked
 from ._lengths import find_short
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
@@ -20,10 +21,7 @@ from ._mismatch import AGREES
 from ._pace import find_fast_sampling
 from ._read_dataset import assemble
 from ._recordings import recordings_of
-from ._tables import cut_row
 from ._trajectory import Trajectory
-
-_LISTED = 20  # rows whose time goes back, at most marked
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,10 +150,9 @@ def _check(
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:
         findings.append(_refusal(outcome))
-    findings.extend(_missing(log))
+    findings.extend(find_absent(log))
     if isinstance(outcome, Mask):
-        findings.extend(_spikes(log, outcome))
-        findings.extend(_gaps(outcome))
+        findings.extend(find_masked(log, outcome))
     return RecordingCheck(
         log=log,
         recordings=len(recordings),
@@ -187,100 +184,7 @@ def _out_of_order(log: Log) -> list[Finding]:
             channel=log.names["time"][0] if "time" in log.names else "",
             text=f"{len(late)} {said} not increase ({what}), {first}",
             advice="Sort the rows by time and keep one of each; if a clock was set back, cut the file there by `rows`.",
-            spans=tuple((float(log.ts[b]), float(log.ts[a])) for b, a in zip(before, after, strict=True))[:_LISTED],
-        )
-    ]
-
-
-def _missing(log: Log) -> list[Finding]:
-    """Columns that lack numbers, and a last line that the file ends in the middle of."""
-    cut = _cut(log)
-    found = [] if cut is None else [_unfinished(log)]
-    for role, signal in ({"time": log.ts[:, None]} | log.signals).items():
-        for i, name in enumerate(log.names.get(role, ())):
-            rows = np.flatnonzero(np.isnan(signal[:cut, i]))
-            if not len(rows):
-                continue
-            edges = np.flatnonzero(np.diff(rows) > 1)
-            runs = list(zip(rows[np.append(0, edges + 1)], rows[np.append(edges, len(rows) - 1)], strict=True))
-            found.append(
-                Finding(
-                    kind="missing",
-                    level="masked",
-                    channel=name,
-                    text=f"`{name}` lacks {len(rows)} of {len(log)} numbers, in {len(runs)} stretch"
-                    f"{'es' if len(runs) > 1 else ''}, first at {log.place(int(rows[0]))}",
-                    advice="These rows are left out; where that leaves a gap, the recording is split. To keep rows "
-                    "that lack nothing else, leave the column out.",
-                    spans=tuple(_time_of(log, int(first), int(last)) for first, last in runs),
-                )
-            )
-    return found
-
-
-def _cut(log: Log) -> int | None:
-    """Row of the log, its last one, in the middle of whose line the file ends; nothing if the line is whole."""
-    last = len(log) - 1
-    if log.complete[last] or not is_text(log.path):
-        return None
-    return last if cut_row(log.path) == log.start + last else None
-
-
-def _unfinished(log: Log) -> Finding:
-    """A file that ends in the middle of a line."""
-    last = len(log) - 1
-    return Finding(
-        kind="missing",
-        level="masked",
-        channel="",
-        text=f"the file ends in the middle of a line, {log.place(last)}",
-        advice="The line is left out. If the recording was longer, copy the file again.",
-        spans=(_time_of(log, last, last),),
-    )
-
-
-def _time_of(log: Log, first: int, last: int) -> tuple[float, float]:
-    """Times of rows that lack numbers, from the neighbours where the time itself is missing."""
-    known = np.flatnonzero(np.isfinite(log.ts))
-    if not len(known):
-        return 0.0, 0.0
-    return float(np.interp(first, known, log.ts[known])), float(np.interp(last, known, log.ts[known]))
-
-
-def _spikes(log: Log, mask: Mask) -> list[Finding]:
-    """Samples that stand out alone."""
-    return [
-        Finding(
-            kind="spike",
-            level="masked",
-            channel=each.channel,
-            text=f"`{each.channel}` has {len(each.rows)} sample{'s' if len(each.rows) > 1 else ''} that "
-            f"{'stand' if len(each.rows) > 1 else 'stands'} out alone, by {each.largest:.3g} at most, first at "
-            f"{log.place(int(each.rows[0]))}",
-            advice="These rows are left out. If there are many, look for an encoder that loses counts or a faulty bus.",
-            spans=tuple((float(log.ts[row]), float(log.ts[row])) for row in each.rows[:_LISTED]),
-        )
-        for each in mask.spikes
-    ]
-
-
-def _gaps(mask: Mask) -> list[Finding]:
-    """Gaps in time at which a log is split."""
-    if not mask.gaps:
-        return []
-    start, end = max(mask.gaps, key=lambda gap: gap[1] - gap[0])
-    dropped = (
-        f"; pieces of {', '.join(map(str, mask.dropped))} samples are too short and dropped" if mask.dropped else ""
-    )
-    return [
-        Finding(
-            kind="gap",
-            level="masked",
-            channel="",
-            text=f"{len(mask.gaps)} gap{'s' if len(mask.gaps) > 1 else ''} in time, the longest {end - start:.3g} s "
-            f"from {start:.6g} to {end:.6g} s{dropped}",
-            advice="Nothing need be done: nothing is made up for a gap, the recording is split there.",
-            spans=mask.gaps,
+            spans=tuple((float(log.ts[b]), float(log.ts[a])) for b, a in zip(before, after, strict=True))[:SHOWN_SPANS],
         )
     ]
 

@@ -1,7 +1,9 @@
 """What is worth saying of a log."""
 
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
+
+SHOWN_SPANS: Final = 20  # single rows of a finding that are marked, at most
 
 Kind: TypeAlias = Literal[
     "missing", "gap", "time", "stuck", "unit", "sign", "velocity", "wrap", "jump", "spike", "saturation", "rounding",

@@ -1,0 +1,122 @@
+"""What training leaves out of a log, in words: rows that lack numbers, samples that stand out alone, gaps."""
+
+import numpy as np
+
+from ._errors import is_text
+from ._findings import SHOWN_SPANS, Finding
+from ._logs import Log
+from ._masking import Mask
+from ._tables import cut_row
+
+
+def find_masked(log: Log, mask: Mask) -> list[Finding]:
+    """Say which samples stand out alone, and where a log is split.
+
+    Args:
+        log: What was logged.
+        mask: Which of its rows are used.
+
+    Returns:
+        The findings.
+    """
+    return [*_spikes(log, mask), *_gaps(mask)]
+
+
+def find_absent(log: Log) -> list[Finding]:
+    """Name columns that lack numbers, and a last line that the file ends in the middle of.
+
+    Args:
+        log: What was logged.
+
+    Returns:
+        The findings.
+    """
+    cut = _cut(log)
+    found = [] if cut is None else [_unfinished(log)]
+    for role, signal in ({"time": log.ts[:, None]} | log.signals).items():
+        for i, name in enumerate(log.names.get(role, ())):
+            rows = np.flatnonzero(np.isnan(signal[:cut, i]))
+            if not len(rows):
+                continue
+            edges = np.flatnonzero(np.diff(rows) > 1)
+            runs = list(zip(rows[np.append(0, edges + 1)], rows[np.append(edges, len(rows) - 1)], strict=True))
+            found.append(
+                Finding(
+                    kind="missing",
+                    level="masked",
+                    channel=name,
+                    text=f"`{name}` lacks {len(rows)} of {len(log)} numbers, in {len(runs)} stretch"
+                    f"{'es' if len(runs) > 1 else ''}, first at {log.place(int(rows[0]))}",
+                    advice="These rows are left out; where that leaves a gap, the recording is split. To keep rows "
+                    "that lack nothing else, leave the column out.",
+                    spans=tuple(_time_of(log, int(first), int(last)) for first, last in runs),
+                )
+            )
+    return found
+
+
+def _cut(log: Log) -> int | None:
+    """Row of the log, its last one, in the middle of whose line the file ends; nothing if the line is whole."""
+    last = len(log) - 1
+    if log.complete[last] or not is_text(log.path):
+        return None
+    return last if cut_row(log.path) == log.start + last else None
+
+
+def _unfinished(log: Log) -> Finding:
+    """A file that ends in the middle of a line."""
+    last = len(log) - 1
+    return Finding(
+        kind="missing",
+        level="masked",
+        channel="",
+        text=f"the file ends in the middle of a line, {log.place(last)}",
+        advice="The line is left out. If the recording was longer, copy the file again.",
+        spans=(_time_of(log, last, last),),
+    )
+
+
+def _time_of(log: Log, first: int, last: int) -> tuple[float, float]:
+    """Times of rows that lack numbers, from the neighbours where the time itself is missing."""
+    known = np.flatnonzero(np.isfinite(log.ts))
+    if not len(known):
+        return 0.0, 0.0
+    return float(np.interp(first, known, log.ts[known])), float(np.interp(last, known, log.ts[known]))
+
+
+def _spikes(log: Log, mask: Mask) -> list[Finding]:
+    """Samples that stand out alone."""
+    return [
+        Finding(
+            kind="spike",
+            level="masked",
+            channel=each.channel,
+            text=f"`{each.channel}` has {len(each.rows)} sample{'s' if len(each.rows) > 1 else ''} that "
+            f"{'stand' if len(each.rows) > 1 else 'stands'} out alone, by {each.largest:.3g} at most, first at "
+            f"{log.place(int(each.rows[0]))}",
+            advice="These rows are left out. If there are many, look for an encoder that loses counts or a faulty bus.",
+            spans=tuple((float(log.ts[row]), float(log.ts[row])) for row in each.rows[:SHOWN_SPANS]),
+        )
+        for each in mask.spikes
+    ]
+
+
+def _gaps(mask: Mask) -> list[Finding]:
+    """Gaps in time at which a log is split."""
+    if not mask.gaps:
+        return []
+    start, end = max(mask.gaps, key=lambda gap: gap[1] - gap[0])
+    dropped = (
+        f"; pieces of {', '.join(map(str, mask.dropped))} samples are too short and dropped" if mask.dropped else ""
+    )
+    return [
+        Finding(
+            kind="gap",
+            level="masked",
+            channel="",
+            text=f"{len(mask.gaps)} gap{'s' if len(mask.gaps) > 1 else ''} in time, the longest {end - start:.3g} s "
+            f"from {start:.6g} to {end:.6g} s{dropped}",
+            advice="Nothing need be done: nothing is made up for a gap, the recording is split there.",
+            spans=mask.gaps,
+        )
+    ]
