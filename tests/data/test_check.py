@@ -209,6 +209,38 @@ def test_missing_numbers_and_gaps_are_masked(tmp_path):
     assert check.gaps[0] == pytest.approx((log[499, 0], log[600, 0]))
 
 
+@pytest.mark.parametrize("column", NAMES)
+@pytest.mark.parametrize("number", [1e300, -2e20])
+def test_a_number_that_no_machine_has_is_named_and_left_out(tmp_path, column, number):
+    log = arm(samples=500)
+    log[300, NAMES.index(column)] = number
+    path = written(tmp_path, log, more="units = {q1 = 1.0}")
+    assert found(path) == [("impossible", "masked", column)]
+    (check,) = check_dataset(path).recordings
+    assert f"`{column}` has 1 number beyond 1e+20, first at line 302 (row 300): {number:g}" in check.findings[0].text
+    assert check.duration == pytest.approx(np.ptp(np.delete(log[:, 0], 300)))
+    with pytest.warns(DataWarning, match=f"left out in `run0`: 1 row with a number beyond 1e\\+20 in `{column}`"):
+        (recording,) = read_dataset(path).train
+    assert len(recording) == 499
+
+
+def test_a_number_that_its_unit_makes_infinite_is_impossible(tmp_path):
+    log = arm(samples=500)
+    log[300, 5] = 1e308
+    path = written(tmp_path, log, more="units = {u1 = 1e3}")
+    assert "`u1` has 1 number beyond 1e+20, first at line 302 (row 300): inf" in (
+        check_dataset(path).recordings[0].findings[0].text
+    )
+
+
+def test_a_large_pulse_of_an_input_is_kept(tmp_path):
+    log = arm(samples=500)
+    log[300, 5] = 1e6
+    path = written(tmp_path, log)
+    assert found(path) == []
+    assert read_dataset(path).train[0].us.max() == 1e6
+
+
 def test_a_file_that_ends_in_the_middle_of_a_line_has_one_finding(tmp_path):
     log = arm(samples=500)
     log[300, 4] = np.nan

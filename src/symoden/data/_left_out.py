@@ -4,6 +4,7 @@ import numpy as np
 
 from ._errors import is_text
 from ._findings import SHOWN_SPANS, Finding
+from ._limits import LARGEST_NUMBER
 from ._logs import Log
 from ._masking import Mask
 from ._tables import cut_row
@@ -23,7 +24,7 @@ def find_masked(log: Log, mask: Mask) -> list[Finding]:
 
 
 def find_absent(log: Log) -> list[Finding]:
-    """Name columns that lack numbers, and a last line that the file ends in the middle of.
+    """Name columns that lack numbers or have impossible ones, and a last line that the file ends in the middle of.
 
     Args:
         log: What was logged.
@@ -32,10 +33,11 @@ def find_absent(log: Log) -> list[Finding]:
         The findings.
     """
     cut = _cut(log)
-    found = [] if cut is None else [_unfinished(log)]
+    found = _impossible(log) if cut is None else [_unfinished(log), *_impossible(log)]
     for role, signal in ({"time": log.ts[:, None]} | log.signals).items():
         for i, name in enumerate(log.names.get(role, ())):
-            rows = np.flatnonzero(np.isnan(signal[:cut, i]))
+            known = [each.rows for each in log.impossible if each.channel == name]
+            rows = np.setdiff1d(np.flatnonzero(np.isnan(signal[:cut, i])), np.concatenate([np.zeros(0, int), *known]))
             if not len(rows):
                 continue
             edges = np.flatnonzero(np.diff(rows) > 1)
@@ -53,6 +55,23 @@ def find_absent(log: Log) -> list[Finding]:
                 )
             )
     return found
+
+
+def _impossible(log: Log) -> list[Finding]:
+    """Numbers that are too large for any machine."""
+    return [
+        Finding(
+            kind="impossible",
+            level="masked",
+            channel=each.channel,
+            text=f"`{each.channel}` has {len(each.rows)} number{'s' if len(each.rows) > 1 else ''} beyond "
+            f"{LARGEST_NUMBER:g}, first at {log.place(int(each.rows[0]))}: {each.first:g}",
+            advice="No machine has such numbers; these rows are left out. Look for a logger that writes one where it "
+            "has none, or for a damaged file.",
+            spans=tuple(_time_of(log, int(row), int(row)) for row in each.rows[:SHOWN_SPANS]),
+        )
+        for each in log.impossible
+    ]
 
 
 def _cut(log: Log) -> int | None:

@@ -1,4 +1,4 @@
-"""How large data may be: a broken or hostile file must not fill the memory."""
+"""How large data may be: a broken or hostile file must not fill the memory, nor one number ruin a fit."""
 
 from pathlib import Path
 from typing import Final
@@ -6,6 +6,7 @@ from typing import Final
 from ._errors import DataError
 
 LARGEST: Final = 2 << 30  # bytes of a file's contents or of one variable
+LARGEST_NUMBER: Final = 1e20  # in SI or rad; beyond what any counter of 64 bits counts to, so no number of a machine
 
 
 def refuse_large(path: Path, size: int, what: str) -> None:

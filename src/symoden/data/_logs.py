@@ -1,5 +1,6 @@
 """What the files of a description hold, in SI and rad: everything as it was logged, good or bad."""
 
+import dataclasses
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,13 +11,29 @@ import numpy as np
 from ._description import Description, Part
 from ._errors import DataError, place
 from ._files import find_files
+from ._limits import LARGEST_NUMBER
 from ._readers import Rows, read_rows, suffix_of
 from ._units import in_si
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Impossible:
+    """Numbers of one column that are too large for any machine.
+
+    Attributes:
+        channel: Name of the column.
+        rows: Their rows of the log.
+        first: The first of them, in SI or rad.
+    """
+
+    channel: str
+    rows: np.ndarray
+    first: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Log:
-    """One file's rows of one part, before anything is repaired; NaN where a number is missing.
+    """One file's rows of one part, before anything is repaired; NaN where a number is missing or impossible.
 
     Attributes:
         part: "train", "test" or "validation".
@@ -28,6 +45,7 @@ class Log:
         rates: Velocities or momenta (T, n); None if there are none.
         us: Inputs (T, m).
         names: Names of the columns by role: "time", "positions", "rates", "inputs".
+        impossible: Numbers that are too large for any machine, of each column that has any.
     """
 
     part: str
@@ -39,6 +57,7 @@ class Log:
     rates: np.ndarray | None
     us: np.ndarray
     names: Mapping[str, tuple[str, ...]]
+    impossible: tuple[Impossible, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows T."""
@@ -150,6 +169,7 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
             f"`{rows.path}`: a recording must have at least 2 rows; got {len(rows)}, from row {rows.start} on. Correct "
             "`rows`, or leave the file out."
         )
+    rows, impossible = _without_impossible(rows)
     q, rates = rows.signals["positions"], rows.signals.get("rates")
     _refuse_other_size(rows.path, description.space, is_angle, q.shape[1])
     if rates is not None and rates.shape != q.shape:
@@ -167,7 +187,20 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
         rates=rates,
         us=rows.signals["inputs"],
         names=rows.names,
+        impossible=impossible,
     )
+
+
+def _without_impossible(rows: Rows) -> tuple[Rows, tuple[Impossible, ...]]:
+    """The rows with NaN for every number that is too large for any machine, and these numbers."""
+    found = [
+        Impossible(channel=name, rows=at, first=float(column[at[0]]))
+        for role, signal in rows.signals.items()
+        for name, column in zip(rows.names[role], signal.T, strict=True)
+        if len(at := np.flatnonzero(np.abs(column) > LARGEST_NUMBER))
+    ]
+    kept = {role: np.where(np.abs(signal) > LARGEST_NUMBER, np.nan, signal) for role, signal in rows.signals.items()}
+    return dataclasses.replace(rows, signals=kept), tuple(found)
 
 
 def _times(rows: Rows, description: Description) -> np.ndarray:

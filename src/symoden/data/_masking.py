@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
-from ._logs import Log
+from ._limits import LARGEST_NUMBER
+from ._logs import Impossible, Log
 from ._signals import longest_step
 from ._spikes import Spikes, rows_of
 
@@ -21,6 +23,7 @@ class Mask:
         pieces: Rows of each piece between gaps, every row of a piece being complete; at least one piece.
         dropped: Samples of each piece that is too short to be used.
         missing: Number of rows left out because a number is missing.
+        impossible: Numbers too large for any machine, whose rows are left out.
         spikes: Samples that stand out alone, whose rows are left out.
         gaps: Start and end of each gap [s].
     """
@@ -28,6 +31,7 @@ class Mask:
     pieces: tuple[np.ndarray, ...]
     dropped: tuple[int, ...]
     missing: int
+    impossible: tuple[Impossible, ...]
     spikes: tuple[Spikes, ...]
     gaps: tuple[tuple[float, float], ...]
 
@@ -43,6 +47,10 @@ class Mask:
         what = []
         if self.missing:
             what.append(f"{self.missing} row{'s' if self.missing > 1 else ''} without all numbers")
+        if impossible := len(rows_of(self.impossible)):
+            columns = ", ".join(f"`{each.channel}`" for each in self.impossible)
+            rows = f"{impossible} row{'s' if impossible > 1 else ''}"
+            what.append(f"{rows} with a number beyond {LARGEST_NUMBER:g} in {columns}")
         if spikes := len(rows_of(self.spikes)):
             what.append(f"{spikes} row{'s' if spikes > 1 else ''} with samples that stand out alone")
         if self.gaps:
@@ -72,10 +80,11 @@ def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, del
         The choice. A log without gaps is one piece, however short it is.
     """
     rows = np.flatnonzero(log.complete)
-    missing = len(log) - len(rows)
+    missing = len(log) - len(np.union1d(rows, rows_of(log.impossible)))
+    chosen = partial(Mask, missing=missing, impossible=log.impossible, spikes=tuple(spikes))
     rows = np.setdiff1d(rows, rows_of(spikes), assume_unique=True)
     if len(rows) < 2:
-        return Mask(pieces=(rows,), dropped=(), missing=missing, spikes=tuple(spikes), gaps=())
+        return chosen(pieces=(rows,), dropped=(), gaps=())
     ts = log.ts[rows]
     steps = np.diff(ts)
     after = np.flatnonzero(steps > longest_step(steps, resample=resample)) + 1
@@ -88,9 +97,9 @@ def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, del
     ]
     if not gaps or not any(long):
         kept = pieces if not gaps else [max(pieces, key=len)]
-        return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=tuple(spikes), gaps=gaps)
+        return chosen(pieces=tuple(kept), dropped=_others(pieces, kept), gaps=gaps)
     kept = [piece for piece, fits in zip(pieces, long, strict=True) if fits]
-    return Mask(pieces=tuple(kept), dropped=_others(pieces, kept), missing=missing, spikes=tuple(spikes), gaps=gaps)
+    return chosen(pieces=tuple(kept), dropped=_others(pieces, kept), gaps=gaps)
 
 
 def _others(pieces: list[np.ndarray], kept: list[np.ndarray]) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._kinematics import TURN
-from ._logs import Log
+from ._logs import Impossible, Log
 from ._shapes import Signals, Times
 from ._signals import least_change, longest_step, quantum
 
@@ -41,16 +41,16 @@ class Spikes:
     largest: float
 
 
-def rows_of(spikes: Sequence[Spikes]) -> Int[np.ndarray, " k"]:
-    """Rows of a log in which any sample stands out alone, each once.
+def rows_of(found: Sequence[Spikes | Impossible]) -> Int[np.ndarray, " k"]:
+    """Rows of a log in which any sample is a spike or impossible, each once.
 
     Args:
-        spikes: Those of each column.
+        found: Those of each column.
 
     Returns:
         The rows, in order.
     """
-    return np.unique(np.concatenate([np.zeros(0, int), *(each.rows for each in spikes)]))
+    return np.unique(np.concatenate([np.zeros(0, int), *(each.rows for each in found)]))
 
 
 def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:

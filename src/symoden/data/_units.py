@@ -90,8 +90,11 @@ def in_si(rows: Rows, units: Mapping[str, float]) -> Rows:
     """
     if not units:
         return rows
-    signals = {
-        role: signal * np.array([units.get(name, units.get(variable_of(name), 1.0)) for name in rows.names[role]])
-        for role, signal in rows.signals.items()
-    }
+    with np.errstate(over="ignore"):  # What becomes infinite is no number of a machine, and is left out as such.
+        signals = {role: signal * _factors(rows.names[role], units) for role, signal in rows.signals.items()}
     return dataclasses.replace(rows, signals=signals)
+
+
+def _factors(names: tuple[str, ...], units: Mapping[str, float]) -> np.ndarray:
+    """Factor of each column."""
+    return np.array([units.get(name, units.get(variable_of(name), 1.0)) for name in names])
