@@ -233,6 +233,15 @@ def test_a_number_that_its_unit_makes_infinite_is_impossible(tmp_path):
     )
 
 
+@pytest.mark.parametrize("turns", [1, 3])
+def test_a_spike_of_a_length_is_no_wrap_of_an_angle(tmp_path, turns):
+    log = arm(samples=500)
+    log[300, 1] += 2 * np.pi * turns
+    path = written(tmp_path, log)
+    path.write_text(path.read_text().replace('"T2"', '"R2"'))
+    assert found(path) == [("spike", "masked", "q1")]
+
+
 def test_a_large_pulse_of_an_input_is_kept(tmp_path):
     log = arm(samples=500)
     log[300, 5] = 1e6

@@ -145,7 +145,7 @@ def _check(
     """Everything on one log."""
     known = log.ts[np.isfinite(log.ts)]
     steps = np.diff(known) if len(known) > 1 else np.zeros(1)
-    examination = examine(log, description, is_angle)
+    examination = examine(log, description, is_angle, outcome.spikes if isinstance(outcome, Mask) else ())
     late = _out_of_order(log)
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:

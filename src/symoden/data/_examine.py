@@ -1,5 +1,6 @@
 """Examining one log: what is wrong with it, and what is worth knowing."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from ._facts import ChannelFacts, Facts, measure
 from ._findings import Finding
 from ._logs import Log
 from ._mismatch import find_mismatches
+from ._spikes import Spikes
 from ._stuck import find_stuck
 
 _SAME = 0.03
@@ -28,18 +30,19 @@ class Examination:
     findings: tuple[Finding, ...] = ()
 
 
-def examine(log: Log, description: Description, is_angle: np.ndarray) -> Examination:
+def examine(log: Log, description: Description, is_angle: np.ndarray, spikes: Sequence[Spikes] = ()) -> Examination:
     """Look at the complete rows of a log.
 
     Args:
         log: What was logged.
         description: What it means.
         is_angle: Whether each coordinate is an angle.
+        spikes: Samples that stand out alone, whose rows are left out.
 
     Returns:
         What was found.
     """
-    facts = measure(log, description, is_angle)
+    facts = measure(log, description, is_angle, spikes)
     if facts is None:
         return Examination(facts=None)
     findings = (

@@ -1,6 +1,7 @@
 """Facts of every channel of one log."""
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -10,6 +11,7 @@ from ._description import Description
 from ._kinematics import Accuracy, Ratio, blocks, velocity_ratio
 from ._logs import Log
 from ._signals import longest_step, noise_level, quantum, share_cut_off
+from ._spikes import Spikes, rows_of
 
 Role: TypeAlias = Literal["position", "velocity", "momentum", "input"]
 _LEAST_ROWS: Final = 10
@@ -57,7 +59,7 @@ class ChannelFacts:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Facts:
-    """What was measured of the complete rows of a log, in the order of their times, each time once.
+    """What was measured of the rows of a log that are used, in the order of their times, each time once.
 
     Attributes:
         ts: Time stamps [s] (T,).
@@ -89,18 +91,19 @@ class Facts:
         return self.positions + self.rates + self.inputs
 
 
-def measure(log: Log, description: Description, is_angle: np.ndarray) -> Facts | None:
-    """Measure every channel of a log.
+def measure(log: Log, description: Description, is_angle: np.ndarray, spikes: Sequence[Spikes] = ()) -> Facts | None:
+    """Measure every channel of a log, apart from rows that are left out.
 
     Args:
         log: What was logged.
         description: What it means.
         is_angle: Whether each coordinate is an angle.
+        spikes: Samples that stand out alone, whose rows are left out.
 
     Returns:
-        The facts; None where less than 10 rows are complete.
+        The facts; None where less than 10 rows are left.
     """
-    rows = np.flatnonzero(log.complete)
+    rows = np.setdiff1d(np.flatnonzero(log.complete), rows_of(spikes))
     rows = rows[np.unique(log.ts[rows], return_index=True)[1]]
     if len(rows) < _LEAST_ROWS:
         return None

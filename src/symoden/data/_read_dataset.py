@@ -14,6 +14,7 @@ from ._examine import examine
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
 from ._recordings import recordings_of
+from ._spikes import Spikes
 from ._trajectory import Trajectory
 
 _SHOWN = 3  # recordings that a warning names
@@ -50,7 +51,7 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     read = [recordings_of(log, description, is_angle) for log in logs]
     dataset = assemble(path, description, logs, [recordings for recordings, _ in read])
     _warn_of_masks(path, logs, [mask for _, mask in read])
-    _warn_of_suspicions(path, logs, description, is_angle)
+    _warn_of_suspicions(path, logs, description, is_angle, [mask.spikes for _, mask in read])
     return dataset
 
 
@@ -96,12 +97,18 @@ def _warn_of_masks(path: Path, logs: Sequence[Log], masks: Sequence[Mask]) -> No
         _warn(path, "left out in", [f"`{name}`: {said}" for name, said in masked])
 
 
-def _warn_of_suspicions(path: Path, logs: Sequence[Log], description: Description, is_angle: np.ndarray) -> None:
+def _warn_of_suspicions(
+    path: Path,
+    logs: Sequence[Log],
+    description: Description,
+    is_angle: np.ndarray,
+    spikes: Sequence[Sequence[Spikes]],
+) -> None:
     """Say in one line what looks wrong."""
     found = [
         f"`{log.name}`: {finding.text.removesuffix('?')}"
-        for log, clocks in zip(logs, find_other_clocks(logs, description), strict=True)
-        for finding in (*clocks, *examine(log, description, is_angle).findings)
+        for log, clocks, alone in zip(logs, find_other_clocks(logs, description), spikes, strict=True)
+        for finding in (*clocks, *examine(log, description, is_angle, alone).findings)
         if finding.level == "warning"
     ]
     if found:
