@@ -98,6 +98,17 @@ def test_a_folder_with_something_in_it_is_left_alone(described, arm_run, tmp_pat
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
+@pytest.mark.parametrize("resume", [(), ("--resume",)])
+def test_a_folder_that_is_no_run_is_left_alone(described, tmp_path, capsys, resume):
+    folder = tmp_path / "full"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("mine")
+    message = refused(capsys, "train", described, "--out", folder, *resume)
+    assert "there are other files and no `config.json`. Choose another folder." in message
+    assert "it is a file" in refused(capsys, "train", described, "--out", folder / "notes.txt", *resume)
+    assert [path.name for path in folder.iterdir()] == ["notes.txt"]
+
+
 def test_other_settings_than_those_of_the_run_to_continue(arm, arm_run, described, capsys):
     for words, option in (
         ((described,), "SOURCE"),

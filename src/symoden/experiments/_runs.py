@@ -331,11 +331,15 @@ def refuse_occupied(folder: Path) -> None:
     Raises:
         ValueError: If it is a file, or a folder that is not empty.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if holds_run(folder):
         raise ValueError(
-            f"`{folder}` must be empty or absent; there is something already. Give --resume to go on "
-            "with a run that was interrupted or to add members to it, or choose another folder."
+            f"`{folder}` must be empty or absent; there is a run already. Give --resume to go on with it or to add "
+            "members to it, or choose another folder."
         )
+    found = "there are other files and no `config.json`" if folder.is_dir() else "it is a file"
+    raise ValueError(f"`{folder}` must be empty, absent or the folder of a run; {found}. Choose another folder.")
 
 
 def train_run(
