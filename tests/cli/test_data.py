@@ -45,8 +45,10 @@ def test_a_good_data_set_has_its_tables_and_nothing_wrong(arm, capsys):
 def test_what_is_wrong_is_named_with_what_to_do(described, capsys):
     damage(described.parent / "a.csv", q=np.degrees, u=holes)
     damage(described.parent / "b.csv", q=np.degrees, t=swapped)
-    assert main(["data", "check", str(described)]) == 0
-    findings = capsys.readouterr().out.partition("Findings\n")[2].splitlines()
+    assert main(["data", "check", str(described)]) == 2
+    printed = capsys.readouterr()
+    assert printed.err == f"error: `{described}`: training refuses these data. Mend what is named refused.\n"
+    findings = printed.out.partition("Findings\n")[2].splitlines()
     assert findings[0].startswith("- refused in b: 1 time stamp does not increase (1 goes back), first at line 23")
     assert findings[2].startswith("- warning in a (and 1 more: b): the derivative of `q` is")
     assert findings[3] == '  Write `units = {q = "deg"}` into the description.'
@@ -69,6 +71,16 @@ def test_json_says_all_of_it(described, capsys):
     assert [(one["kind"], one["level"]) for one in a["findings"]] == [("missing", "masked"), ("gap", "masked")]
     assert {"name", "role", "minimum", "maximum", "rms", "quantum", "noise", "ratio"} <= set(a["channels"][0])
     assert said["refused"] is False
+
+
+def test_refused_data_are_status_2_with_all_of_the_json(described, capsys):
+    described.write_text(described.read_text().replace("[[1]]", "[[1, 0]]"))
+    assert main(["data", "check", str(described), "--json"]) == 2
+    printed = capsys.readouterr()
+    said = json.loads(printed.out)
+    assert said["refused"] is True
+    assert [one["level"] for one in said["findings"]] == ["refused"]
+    assert "training refuses these data" in printed.err
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])

@@ -214,7 +214,8 @@ class Data:
 
     `symoden data check FILE.toml` lists each recording (samples, steps of time, missing numbers, gaps) and each column
     (range, rounding, noise, cut-off, motion, position against velocity), and names stuck sensors, wrong units, signs
-    and columns, jumps, and time stamps out of order. Its exit status is 0 if the files could be read.
+    and columns, jumps, and time stamps out of order. Its exit status is 0 if training takes the data, 2 if it refuses
+    them or a file cannot be read.
 
     Attributes:
         action: What to do; there is nothing else yet.

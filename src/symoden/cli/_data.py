@@ -1,6 +1,7 @@
 """`symoden data check`."""
 
 import dataclasses
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -26,7 +27,7 @@ def run(command: Data) -> None:
 
     Raises:
         ValueError: If the figure's format is unknown.
-        DataError: If the description or a file cannot be read.
+        DataError: If the description or a file cannot be read; and in the end, if training refuses the data.
     """
     check_figure(command.figure)
     try:
@@ -37,12 +38,15 @@ def run(command: Data) -> None:
         _draw(check, command.figure)
     if command.general.json:
         print_json(_as_json(check, command))
-        return
-    _print_recordings(check)
-    _print_channels(check)
-    _print_findings(check)
-    if command.figure is not None:
-        print(f"\nall recordings are drawn in {command.figure}")
+    else:
+        _print_recordings(check)
+        _print_channels(check)
+        _print_findings(check)
+        if command.figure is not None:
+            print(f"\nall recordings are drawn in {command.figure}")
+    if check.refused:
+        sys.stdout.flush()  # The message comes after what it is about, also where both go into one file.
+        raise DataError(f"`{command.source}`: training refuses these data. Mend what is named refused.")
 
 
 def _print_recordings(check: DatasetCheck) -> None:
