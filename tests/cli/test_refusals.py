@@ -83,6 +83,10 @@ def test_wrong_options(described, tmp_path, capsys):
     assert "-1" in refused(capsys, "train", described, *run, "--seed", "-1")
     assert "--max-minutes" in refused(capsys, "train", described, *run, "--max-minutes", "0")
     assert "must be a task (pendulum-canonical" in refused(capsys, "train", "pendulm", *run)
+    for name in ("gone.toml", tmp_path / "gone"):
+        assert f"`{name}`: must be the file of a data set" in (said := refused(capsys, "train", name, *run))
+        assert "there is no such file. Correct the path." in said
+    assert "there is a folder" in refused(capsys, "train", tmp_path, *run)
     for option, word in (("--trajectories", "4"), ("--noise", "0.1")):
         assert "for tasks only" in refused(capsys, "train", described, *run, option, word)
     assert "at least 1; got 0" in refused(capsys, "train", "pendulum", *run, "--trajectories", "0")

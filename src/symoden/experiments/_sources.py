@@ -86,9 +86,12 @@ def absolute_name(name: str) -> str:
     if name in TASKS:
         return name
     path = Path(name).expanduser()
-    if not path.is_file():
-        raise ValueError(
-            f"A source must be a task ({', '.join(TASKS)}) or the file of a data set description; got {name!r}, which "
-            "is neither. Correct the name or the path."
-        )
-    return str(path.resolve())
+    if path.is_file():
+        return str(path.resolve())
+    if path.suffix or len(path.parts) > 1:
+        found = "a folder" if path.is_dir() else "no such file"
+        raise ValueError(f"`{name}`: must be the file of a data set description; there is {found}. Correct the path.")
+    raise ValueError(
+        f"A source must be a task ({', '.join(TASKS)}) or the file of a data set description; got {name!r}, which is "
+        "neither. Correct the name or the path."
+    )
