@@ -98,10 +98,13 @@ def test_predict_writes_every_recording_and_its_rollout(arm_run, arm, tmp_path, 
     assert answer(capsys, "predict", arm_run, arm, "--out", path)["recordings"] == 2
     with np.load(path) as file:
         columns = ("ts", "q", "rates", "u", "q_predicted", "rates_predicted")
-        assert set(file) == {f"{name}/{column}" for name in ("a", "b") for column in columns}
-        assert file["b/q_predicted"].shape == file["b/q"].shape == (60, 1)
-        np.testing.assert_allclose(file["b/q_predicted"][0], file["b/q"][0])
-        np.testing.assert_allclose(file["b/rates_predicted"][0], file["b/rates"][0], atol=1e-12)
+        assert set(file) == {f"{name}/{column}" for name in ("train:a", "test:b") for column in columns}
+        assert file["test:b/q_predicted"].shape == file["test:b/q"].shape == (60, 1)
+        np.testing.assert_allclose(file["test:b/q_predicted"][0], file["test:b/q"][0])
+        np.testing.assert_allclose(file["test:b/rates_predicted"][0], file["test:b/rates"][0], atol=1e-12)
+    assert main(["predict", str(arm_run), str(arm), "--out", str(path)]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "  PART:NAME/{ts,q,rates,u,q_predicted,rates_predicted}, such as train:a/q_predicted"
 
 
 def test_predict_warns_where_the_model_extrapolates(arm_run, described, tmp_path, capsys, monkeypatch):
@@ -116,11 +119,11 @@ def test_predict_warns_where_the_model_extrapolates(arm_run, described, tmp_path
         row[where] = str(float(row[where]) + 40)
     described.with_name("b.csv").write_text("\n".join([head, *map(",".join, rows)]) + "\n")
     words = ("predict", str(arm_run), str(described), "--out", str(tmp_path / "paths.npz"))
-    assert answer(capsys, *words)["outside"] == {"a": 0.0, "b": (len(rows) - 60) / len(rows)}
+    assert answer(capsys, *words)["outside"] == {"train:a": 0.0, "test:b": (len(rows) - 60) / len(rows)}
     assert main([*words]) == 0
     printed = capsys.readouterr().err
-    assert "warning: `b` lies outside of what training saw for" in printed
-    assert "`a`" not in printed
+    assert "warning: `test:b` lies outside of what training saw for" in printed
+    assert "`train:a`" not in printed
 
 
 def test_names_that_occur_in_several_parts_are_told_apart(arm_run, described, tmp_path):

@@ -165,4 +165,4 @@ def test_the_space_of_a_run_stays_with_it(arm, tmp_path):
     assert main(["evaluate", str(folder)]) == 0
     assert main(["predict", str(folder), str(arm), "--out", str(tmp_path / "paths.npz")]) == 0
     with np.load(tmp_path / "paths.npz") as file:
-        assert file["a/q_predicted"].shape == (80, 1)
+        assert file["train:a/q_predicted"].shape == (80, 1)

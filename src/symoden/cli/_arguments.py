@@ -110,9 +110,9 @@ class Evaluate:
 class Predict:
     """Roll out a model along recordings, each from its first state under its inputs, into an NPZ file.
 
-    For each recording NAME the file holds NAME/ts (T,) [s], NAME/q, NAME/rates, NAME/u as recorded, and
-    NAME/q_predicted, NAME/rates_predicted (T, n); rates are velocities or momenta as in the data. Where a name occurs
-    in several parts, NAME is PART:NAME, such as test:swing#1. The first state is the measured one; where the data set
+    For each recording the file holds PART:NAME/ts (T,) [s], PART:NAME/q, …/rates, …/u as recorded, and …/q_predicted,
+    …/rates_predicted (T, n), such as test:swing#1/q_predicted; rates are velocities or momenta as in the data. PART is
+    train, validation, test or, of a task, prediction. The first state is the measured one; where the data set
     has `initial_samples` above 1, it is found from these with the model.
 
     Attributes:

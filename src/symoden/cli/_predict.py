@@ -1,7 +1,7 @@
 """`symoden predict`."""
 
 import sys
-from collections import Counter
+from typing import Final
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from symoden.spaces import Space
 from ._arguments import Predict
 from ._output import print_json, save_npz
 
+_COLUMNS: Final = ("ts", "q", "rates", "u", "q_predicted", "rates_predicted")
 _MANY = 0.05  # Share of samples outside of the training data from which it is worth a word.
 
 
@@ -26,24 +27,17 @@ def run(command: Predict) -> None:
     every = [(part, recording) for part, recordings in source.parts.items() for recording in recordings]
     recordings = [recording for _, recording in every]
     predictions = predict(model, recordings, hold=source.dataset.hold, solver=evaluation_solver(config))
-    counts = Counter(recording.name for recording in recordings)
     arrays: dict[str, np.ndarray] = {}
     outside: dict[str, float] = {}
     space = Space.parse(config.data.space)
     for (part, recording), prediction in zip(every, predictions, strict=True):
-        name = recording.name if counts[recording.name] == 1 else f"{part}:{recording.name}"
+        name = f"{part}:{recording.name}"
         # What is asked for may lie outside, or the rollout may go there.
         asked = config.data.ranges.outside(recording.q, recording.rates, recording.us, space)
         went = config.data.ranges.outside(prediction.q, prediction.rates, recording.us, space)
         outside[name] = float(np.mean(asked | went))
-        arrays |= {
-            f"{name}/ts": recording.ts,
-            f"{name}/q": recording.q,
-            f"{name}/rates": recording.rates,
-            f"{name}/u": recording.us,
-            f"{name}/q_predicted": prediction.q,
-            f"{name}/rates_predicted": prediction.rates,
-        }
+        columns = (recording.ts, recording.q, recording.rates, recording.us, prediction.q, prediction.rates)
+        arrays |= {f"{name}/{key}": column for key, column in zip(_COLUMNS, columns, strict=True)}
     save_npz(command.out, arrays)
     for name, share in outside.items():
         if share > _MANY:
@@ -64,4 +58,5 @@ def run(command: Predict) -> None:
         )
     else:
         several = "" if len(every) == 1 else "s"
-        print(f"rollouts along {len(every)} recording{several} of {source.name} in {command.out}")
+        print(f"rollouts along {len(every)} recording{several} of {source.name} in {command.out}: arrays")
+        print(f"  PART:NAME/{{{','.join(_COLUMNS)}}}, such as {next(iter(outside), 'test:a')}/q_predicted")
