@@ -88,6 +88,7 @@ BAD = [
     ("t,q\n0,1", "no column `a`; found `t, q`"),
     ("t,A1,b\n0,1,1", r"no column `a`; found `t, A1, b`\. Did you mean `A1`\? Give the names as the file has them"),
     ("a,b\n1,2\n3,on\n", r"column `b`, line 3 \(row 1\): must be a number or empty; got 'on'"),
+    ("a;b\n1000,010751;2\n", r"got '1000,010751'\. Decimal commas are not read: .* with decimal points"),
     ("a,b\n1,2\n1,2,3", r"every line must have the 2 cells that the first line names"),
     ("a,b,a\n1,2,3", "column `a` must be there once; got it twice"),
     ("", "is empty"),

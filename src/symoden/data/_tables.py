@@ -3,6 +3,7 @@
 import csv
 import gzip
 import math
+import re
 import zlib
 from collections.abc import Iterable
 from pathlib import Path
@@ -14,6 +15,7 @@ from ._errors import COPY, DataError, missing, place
 from ._limits import LARGEST, refuse_large
 
 _NOTHING = ("", "na", "n/a", "null", "none")  # what tables write where a sample is missing; NaN is a number
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
@@ -144,9 +146,11 @@ def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first
     row = bad.arg_max() if bad.any() else None
     if row is not None:
         where = place(path, first_row + row)
+        advice = "Correct it, or select rows without it by `rows`."
+        if _DECIMAL_COMMA.fullmatch(column[row]):
+            advice = "Decimal commas are not read: write the file again with decimal points (1.5 instead of 1,5)."
         raise DataError(
-            f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. "
-            "Correct it, or select rows without it by `rows`."
+            f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}"
         )
 
 
