@@ -277,6 +277,17 @@ def test_what_never_moves_cannot_be_learned(tmp_path):
     assert found(written(tmp_path, log, arm(1))) == []
 
 
+@pytest.mark.parametrize("rate", [0.0, 0.5])
+def test_a_log_of_constants_has_one_finding(tmp_path, rate):
+    log = np.repeat(arm(samples=500, jitter=0.0)[:1], 500, axis=0)
+    log[:, 0], log[:, 3:5] = 0.01 * np.arange(500), rate
+    path = written(tmp_path, log)
+    assert found(path) == [("idle", "warning", "")]
+    assert len(check_dataset(path).recordings[0].findings) == 1
+    with pytest.warns(DataWarning, match="perhaps wrong in `run0`: nothing moves"):
+        read_dataset(path)
+
+
 def test_what_does_not_fit_together_is_a_finding(tmp_path):
     path = written(tmp_path, arm(), more="input_matrix = [[1, 0]]")
     assert found(path) == [("refused", "refused", "")]

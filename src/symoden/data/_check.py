@@ -10,7 +10,7 @@ import numpy as np
 from ._clocks import find_other_clocks
 from ._description import Description, read_description
 from ._errors import DataError
-from ._examine import examine, is_idle
+from ._examine import examine, is_idle, stands_still
 from ._facts import ChannelFacts
 from ._findings import SHOWN_SPANS, Finding
 from ._left_out import find_absent, find_masked
@@ -220,8 +220,10 @@ def _of_role(check: RecordingCheck, role: str) -> list[ChannelFacts]:
 def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:
     """Joints and inputs that do nothing in any training recording."""
     train = [check.channels for check in checks if check.log.part == "train" and check.channels]
+    if all(map(stands_still, train)):
+        return []  # Each recording says so.
     found = []
-    for facts in zip(*train, strict=True) if train else ():
+    for facts in zip(*train, strict=True):
         name = facts[0].name
         if facts[0].role == "position" and all(is_idle(one) for one in facts):
             text, advice = (

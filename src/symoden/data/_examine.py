@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +16,13 @@ from ._stuck import find_stuck
 
 _SAME = 0.03
 _IDLE, _LOUD = 10.0, 8.0  # steps of rounding, and sizes of the noise, whose own range is 7, that a joint must move
+_STILL: Final = Finding(
+    kind="idle",
+    level="warning",
+    channel="",
+    text="nothing moves: no position and no velocity changes at all",
+    advice="Leave the file out if the machine was at rest; otherwise look at the logger.",
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +53,8 @@ def examine(log: Log, description: Description, is_angle: np.ndarray, spikes: Se
     facts = measure(log, description, is_angle, spikes)
     if facts is None:
         return Examination(facts=None)
+    if stands_still(facts.channels):
+        return Examination(facts=facts, findings=(_STILL,))
     findings = (
         *find_stuck(facts),
         *find_mismatches(facts),
@@ -102,6 +112,18 @@ def _idle(facts: Facts) -> list[Finding]:
         for q in facts.positions
         if is_idle(q)
     ]
+
+
+def stands_still(channels: Sequence[ChannelFacts]) -> bool:
+    """Whether nothing of a mechanism moves, not even by its noise.
+
+    Args:
+        channels: Facts of all its columns.
+
+    Returns:
+        Whether every position and every rate is constant.
+    """
+    return not any(one.span for one in channels if one.role != "input")
 
 
 def is_idle(position: ChannelFacts) -> bool:

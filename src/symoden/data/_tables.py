@@ -149,9 +149,7 @@ def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first
         advice = "Correct it, or select rows without it by `rows`."
         if _DECIMAL_COMMA.fullmatch(column[row]):
             advice = "Decimal commas are not read: write the file again with decimal points (1.5 instead of 1,5)."
-        raise DataError(
-            f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}"
-        )
+        raise DataError(f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}")
 
 
 def _contents(path: Path) -> bytes:
