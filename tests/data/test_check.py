@@ -262,6 +262,19 @@ def test_a_file_that_ends_in_the_middle_of_a_line_has_one_finding(tmp_path):
     assert "`v2` lacks 1 of 500 numbers, in 1 stretch, first at line 302 (row 300)" in other.text
 
 
+@pytest.mark.parametrize(("lines", "more"), [((200,), ""), ((200, 300, 400), ", and 2 more have too few")])
+def test_lines_that_end_too_early_have_one_finding(tmp_path, lines, more):
+    path = written(tmp_path, arm(samples=500))
+    text = (tmp_path / "run0.csv").read_text().splitlines()
+    for line in lines:
+        text[line] = ",".join(text[line].split(",")[:2])
+    (tmp_path / "run0.csv").write_text("\n".join(text) + "\n")
+    assert found(path) == [("line", "masked", "")]
+    (check,) = check_dataset(path).recordings
+    assert check.findings[0].text == f"line 201 (row 199) has 2 of 7 fields{more}"
+    assert check.missing == len(lines)
+
+
 def test_a_cut_off_input_and_a_rounded_difference_are_facts(tmp_path):
     log = arm(quantum=1e-3, jitter=0.0)
     log[:, 5] = np.clip(log[:, 5], -0.6, 0.6)

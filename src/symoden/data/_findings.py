@@ -6,7 +6,7 @@ from typing import Final, Literal, TypeAlias
 SHOWN_SPANS: Final = 20  # single rows of a finding that are marked, at most
 
 Kind: TypeAlias = Literal[
-    "missing", "impossible", "gap", "time", "stuck", "unit", "sign", "velocity", "wrap", "jump", "spike",
+    "missing", "line", "impossible", "gap", "time", "stuck", "unit", "sign", "velocity", "wrap", "jump", "spike",
     "saturation", "rounding", "idle", "refused",
 ]  # fmt: skip
 Level: TypeAlias = Literal["note", "masked", "warning", "refused"]

@@ -1,5 +1,8 @@
 """What training leaves out of a log, in words: rows that lack numbers, samples that stand out alone, gaps."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from ._errors import is_text
@@ -7,7 +10,17 @@ from ._findings import SHOWN_SPANS, Finding
 from ._limits import LARGEST_NUMBER
 from ._logs import Log
 from ._masking import Mask
-from ._tables import cut_row
+from ._tables import cut_row, short_rows
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Short:
+    """Rows whose lines have too few cells, how many each has, how many there should be, and if the file ends in one."""
+
+    rows: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
+    cells: Sequence[int] = ()
+    named: int = 0
+    cut: bool = False
 
 
 def find_masked(log: Log, mask: Mask) -> list[Finding]:
@@ -24,7 +37,7 @@ def find_masked(log: Log, mask: Mask) -> list[Finding]:
 
 
 def find_absent(log: Log) -> list[Finding]:
-    """Name columns that lack numbers or have impossible ones, and a last line that the file ends in the middle of.
+    """Name columns that lack numbers or have impossible ones, and lines that end too early.
 
     Args:
         log: What was logged.
@@ -32,12 +45,12 @@ def find_absent(log: Log) -> list[Finding]:
     Returns:
         The findings.
     """
-    cut = _cut(log)
-    found = _impossible(log) if cut is None else [_unfinished(log), *_impossible(log)]
+    short = _short_lines(log)
+    found = [*_unfinished(log, short), *_impossible(log)]
     for role, signal in ({"time": log.ts[:, None]} | log.signals).items():
         for i, name in enumerate(log.names.get(role, ())):
-            known = [each.rows for each in log.impossible if each.channel == name]
-            rows = np.setdiff1d(np.flatnonzero(np.isnan(signal[:cut, i])), np.concatenate([np.zeros(0, int), *known]))
+            told = [each.rows for each in log.impossible if each.channel == name]
+            rows = np.setdiff1d(np.flatnonzero(np.isnan(signal[:, i])), np.concatenate([short.rows, *told]))
             if not len(rows):
                 continue
             edges = np.flatnonzero(np.diff(rows) > 1)
@@ -74,25 +87,47 @@ def _impossible(log: Log) -> list[Finding]:
     ]
 
 
-def _cut(log: Log) -> int | None:
-    """Row of the log, its last one, in the middle of whose line the file ends; nothing if the line is whole."""
-    last = len(log) - 1
-    if log.complete[last] or not is_text(log.path):
-        return None
-    return last if cut_row(log.path) == log.start + last else None
+def _short_lines(log: Log) -> _Short:
+    """Rows that lack numbers because their lines have fewer cells than the first line names."""
+    incomplete = np.flatnonzero(~log.complete)
+    if not len(incomplete) or not is_text(log.path):
+        return _Short()
+    named, cells = short_rows(log.path)
+    rows = [int(row) for row in incomplete if log.start + row in cells]
+    cut = cut_row(log.path) == log.start + len(log) - 1
+    return _Short(rows=np.array(rows, int), cells=[cells[log.start + row] for row in rows], named=named, cut=cut)
 
 
-def _unfinished(log: Log) -> Finding:
-    """A file that ends in the middle of a line."""
-    last = len(log) - 1
-    return Finding(
-        kind="missing",
-        level="masked",
-        channel="",
-        text=f"the file ends in the middle of a line, {log.place(last)}",
-        advice="The line is left out. If the recording was longer, copy the file again.",
-        spans=(_time_of(log, last, last),),
-    )
+def _unfinished(log: Log, short: _Short) -> list[Finding]:
+    """Lines that end too early, one finding for all of them, and a file that ends in the middle of one."""
+    found = []
+    whole = short.rows[:-1] if short.cut else short.rows
+    if len(whole):
+        first = f"{log.place(int(whole[0]))} has {short.cells[0]} of {short.named} fields"
+        others = f", and {len(whole) - 1} more have too few" if len(whole) > 1 else ""
+        found.append(
+            Finding(
+                kind="line",
+                level="masked",
+                channel="",
+                text=first + others,
+                advice="What is not there is missing, and the rows are left out. Look at what wrote the file.",
+                spans=tuple(_time_of(log, int(row), int(row)) for row in whole[:SHOWN_SPANS]),
+            )
+        )
+    if short.cut:
+        last = len(log) - 1
+        found.append(
+            Finding(
+                kind="missing",
+                level="masked",
+                channel="",
+                text=f"the file ends in the middle of a line, {log.place(last)}",
+                advice="The line is left out. If the recording was longer, copy the file again.",
+                spans=(_time_of(log, last, last),),
+            )
+        )
+    return found
 
 
 def _time_of(log: Log, first: int, last: int) -> tuple[float, float]:

@@ -5,7 +5,7 @@ import gzip
 import math
 import re
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +70,22 @@ def cut_row(path: Path) -> int | None:
     text = _text(path)
     header, _, body = text.strip().partition("\n")
     return body.count("\n") if _is_cut(text, header) else None
+
+
+def short_rows(path: Path) -> tuple[int, Mapping[int, int]]:
+    """Find lines of a table of text with fewer cells than the first line names; empty ones do not count.
+
+    Args:
+        path: File that `read_csv` reads.
+
+    Returns:
+        The number of cells that the first line names, and how many each such row has, counted from 0.
+    """
+    header, _, body = _text(path).strip().partition("\n")
+    separator = _separator(header)
+    named = header.count(separator) + 1
+    cells = {row: line.count(separator) + 1 for row, line in enumerate(body.split("\n")) if line.strip()}
+    return named, {row: count for row, count in cells.items() if count < named}
 
 
 def _text(path: Path) -> str:
