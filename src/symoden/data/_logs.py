@@ -165,9 +165,10 @@ def _refuse_overlaps(path: Path, parts: Mapping[str, tuple[Rows, ...]]) -> None:
 def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) -> Log:
     """The rows of a file by what they mean."""
     if len(rows) < 2:
+        chosen = description.parts[part].rows != Part.rows
         raise DataError(
-            f"`{rows.path}`: a recording must have at least 2 rows; got {len(rows)}, from row {rows.start} on. Correct "
-            "`rows`, or leave the file out."
+            f"`{rows.path}`: a recording must have at least 2 rows; got {len(rows)}"
+            + (f", from row {rows.start} on. Correct `rows`, or leave the file out." if chosen else ". Leave it out.")
         )
     rows, impossible = _without_impossible(rows)
     q, rates = rows.signals["positions"], rows.signals.get("rates")
