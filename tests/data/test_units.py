@@ -93,11 +93,11 @@ def test_degrees_are_unwrapped_as_angles(tmp_path):
         ('w = "deg"', r"`units` must name columns that are read; got `w`\..* These are `t, q, v, u`"),
         (
             'q = "degree"',
-            r"`units` must give for each column a factor or one of the units `rad, deg.*Did you mean `deg`",
+            r"`units` of `q` must be a factor or one of the units `rad, deg, .* s, ms, us, ns`\. Did you mean `deg`\?",
         ),
-        ("q = 0", "`units` must give for each column the name of a unit, or a factor: a finite number other than 0"),
-        ("q = true", "`units` must give for each column the name of a unit"),
-        ("q = [1, 2]", "`units` must give for each column the name of a unit"),
+        ("q = 0", "`units` of `q` must be the name of a unit, or a factor: a finite number other than 0"),
+        ("q = true", "`units` of `q` must be the name of a unit"),
+        ("q = [1, 2]", "`units` of `q` must be the name of a unit"),
     ],
 )
 def test_what_is_no_unit_is_refused(tmp_path, units, message):

@@ -249,7 +249,13 @@ def _units(value: object) -> dict[str, float]:
     """Factors by column."""
     if not isinstance(value, dict):
         _fail('a table of columns, such as {q = "deg", tau = 0.062}')
-    return {column: factor_of(unit) for column, unit in value.items()}
+    factors = {}
+    for column, unit in value.items():
+        try:
+            factors[column] = factor_of(unit)
+        except ValueError as error:
+            raise ValueError(f"of `{column}` {error}") from error
+    return factors
 
 
 def _delays(value: object) -> tuple[float, ...]:

@@ -8,34 +8,22 @@ from typing import Final
 
 import numpy as np
 
-from ._errors import listing, nearest
+from ._errors import nearest
 from ._readers import Rows, Selector, variable_of
 
-UNITS: Final[Mapping[str, float]] = MappingProxyType(
+_BY_SI: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
     {
-        "rad": 1.0,
-        "deg": math.pi / 180,
-        "rev": 2 * math.pi,
-        "rad/s": 1.0,
-        "deg/s": math.pi / 180,
-        "rev/s": 2 * math.pi,
-        "rpm": 2 * math.pi / 60,
-        "m": 1.0,
-        "cm": 1e-2,
-        "mm": 1e-3,
-        "m/s": 1.0,
-        "cm/s": 1e-2,
-        "mm/s": 1e-3,
-        "N": 1.0,
-        "kN": 1e3,
-        "Nm": 1.0,
-        "Ncm": 1e-2,
-        "mNm": 1e-3,
-        "s": 1.0,
-        "ms": 1e-3,
-        "us": 1e-6,
-        "ns": 1e-9,
+        "rad": {"rad": 1.0, "deg": math.pi / 180, "rev": 2 * math.pi},
+        "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180, "rev/s": 2 * math.pi, "rpm": 2 * math.pi / 60},
+        "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+        "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+        "N": {"N": 1.0, "kN": 1e3},
+        "N m": {"Nm": 1.0, "Ncm": 1e-2, "mNm": 1e-3},
+        "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     }
+)
+UNITS: Final[Mapping[str, float]] = MappingProxyType(
+    {unit: factor for units in _BY_SI.values() for unit, factor in units.items()}
 )
 
 
@@ -49,19 +37,25 @@ def factor_of(unit: object) -> float:
         The factor.
 
     Raises:
-        ValueError: If it is neither; the message goes on from the name of a key.
+        ValueError: If it is neither; the message goes on from the name of a column.
     """
     if isinstance(unit, str):
-        plain = unit.replace(" ", "").replace("·", "").replace("*", "").replace("°", "deg").replace("µ", "u")
+        plain = _plain(unit)
         if plain not in UNITS:
+            known = "; ".join(", ".join(units) for units in _BY_SI.values())
             raise ValueError(
-                f"must give for each column a factor or one of the units {listing(UNITS)}.{nearest(unit, UNITS)} "
-                "For another unit, write the factor to SI"
+                f"must be a factor or one of the units `{known}`.{nearest(unit, UNITS)} For another unit, write the "
+                "factor to SI"
             )
         return UNITS[plain]
     if isinstance(unit, int | float) and not isinstance(unit, bool) and math.isfinite(unit) and unit != 0:
         return float(unit)
-    raise ValueError("must give for each column the name of a unit, or a factor: a finite number other than 0")
+    raise ValueError("must be the name of a unit, or a factor: a finite number other than 0")
+
+
+def _plain(unit: str) -> str:
+    """Name of a unit as the table has it."""
+    return unit.replace(" ", "").replace("·", "").replace("*", "").replace("°", "deg").replace("µ", "u")
 
 
 def is_named(column: str, selectors: Mapping[str, Selector]) -> bool:
