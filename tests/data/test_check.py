@@ -122,7 +122,7 @@ UNITS = [
     ({"v2": 180 / np.pi}, "q2", r'units = \{v2 = "deg/s"\}'),
     ({"v1": 30 / np.pi}, "q1", r'units = \{v1 = "rpm"\}'),
     ({"q2": -180 / np.pi}, "q2", r'units = \{q2 = "deg"\}'),
-    ({"v1": 0.1}, "v1", r"write `units = \{v1 = (10|9\.9\d*|10\.0\d)\}`"),
+    ({"v1": 0.1}, "v1", r"write `units = \{v1 = (10|9\.9\d*|10\.0\d)\}` into"),
 ]
 
 
@@ -141,6 +141,14 @@ def test_the_advised_unit_repairs_the_log(tmp_path):
     log[:, 1] = np.mod(log[:, 1], 360)
     assert found(written(tmp_path, log)) == [("unit", "warning", "q1")]
     assert found(written(tmp_path, log, more='units = {q1 = "deg"}')) == []
+
+
+def test_the_advised_unit_joins_those_that_are_given(tmp_path):
+    log = scale(arm(), q1=180 / np.pi, v2=2.0)
+    path = written(tmp_path, log, more="units = {v2 = -1.0}")
+    first, second = (one.advice for one in check_dataset(path).recordings[0].findings if one.level == "warning")
+    assert first == 'Write `q1 = "deg"` into `units`.'
+    assert re.match(r"If `q2` is right, write `v2 = (0\.5|0\.50\d*|0\.49\d*)` into `units`; otherwise", second)
 
 
 def test_one_file_in_degrees_is_told_to_be_converted(tmp_path):

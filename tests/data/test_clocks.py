@@ -45,7 +45,7 @@ def test_one_in_seconds_among_milliseconds_is_named_with_the_key(tmp_path):
     path = written(tmp_path, (0.005, 1e3), (0.005, 1), (0.005, 1e3))
     (finding,) = check_dataset(path).recordings[1].findings
     assert "are the others in milliseconds?" in finding.text
-    assert finding.advice.endswith('write `units = {"t [x]" = "ms"}`.')
+    assert finding.advice.endswith('write `units = {"t [x]" = "ms"}` into the description.')
     path.write_text('units = {"t [x]" = "ms"}\n' + path.read_text())
     with pytest.warns(DataWarning, match="perhaps wrong in `run1`.* in most others: is `t .x.` in another unit"):
         read_dataset(path)

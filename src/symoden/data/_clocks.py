@@ -9,6 +9,7 @@ from ._description import Description
 from ._findings import Finding
 from ._logs import Log
 from ._signals import usual_step
+from ._units import entry
 
 _OTHER: Final = 100  # times longer or shorter: no logger's rates differ so much
 _NEAR: Final = 3.0  # factor up to which a unit explains it, since rates differ too
@@ -54,7 +55,7 @@ def _finding(log: Log, step: float, most: float, description: Description) -> Fi
     question = f"are the others in {word}?" if step < most and not is_said else f"is `{name}` in {word}?"
     advice = f"`units` hold for all files: convert `{name}` of `{log.path}` to the unit of the others, or leave it out."
     if not is_said:
-        advice += f' If all are in {word if units else "milliseconds"}, write `units = {{"{name}" = "{key}"}}`.'
+        advice += f" If all are in {word if units else 'milliseconds'}, write {entry({name: key}, description.units)}."
     return Finding(
         kind="unit",
         level="warning",

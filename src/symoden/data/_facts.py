@@ -1,7 +1,7 @@
 """Facts of every channel of one log."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -72,6 +72,7 @@ class Facts:
         rates: Facts of each velocity or momentum.
         inputs: Facts of each input.
         ratios: For each coordinate, its displacements against its integrated velocity; empty without velocities.
+        units: Factors that the description gives to columns.
     """
 
     ts: np.ndarray
@@ -84,6 +85,7 @@ class Facts:
     rates: tuple[ChannelFacts, ...]
     inputs: tuple[ChannelFacts, ...]
     ratios: tuple[Ratio, ...]
+    units: Mapping[str, float]
 
     @property
     def channels(self) -> tuple[ChannelFacts, ...]:
@@ -140,6 +142,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, spikes: Se
         rates=of_rates,
         inputs=_channels(ts, us, log.names["inputs"], "input", longest),
         ratios=ratios,
+        units=description.units,
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from ._facts import Facts
 from ._findings import Finding
 from ._kinematics import UNRELATED, Ratio, jumps, velocity_ratio
+from ._units import entry
 
 AGREES: Final = 0.15  # relative deviation up to which a factor is 1
 _SAME = 0.06  # and up to which it is another known one
@@ -17,18 +18,18 @@ _DEGREES = 180 / np.pi
 
 # Factor of the position's displacement over the integrated velocity: what explains it, and units for both columns.
 _ANGLES: Final = (
-    (_DEGREES, "positions in degrees, velocities in rad/s", '{q} = "deg"'),
-    (1 / _DEGREES, "positions in rad, velocities in degrees per second", '{v} = "deg/s"'),
-    (1 / (2 * np.pi), "positions in turns, velocities in rad/s", '{q} = "rev"'),
-    (2 * np.pi, "positions in rad, velocities in turns per second", '{v} = "rev/s"'),
-    (2 * np.pi / 60, "positions in rad, velocities in turns per minute", '{v} = "rpm"'),
-    (6.0, "positions in degrees, velocities in turns per minute", '{q} = "deg", {v} = "rpm"'),
+    (_DEGREES, "positions in degrees, velocities in rad/s", {"q": "deg"}),
+    (1 / _DEGREES, "positions in rad, velocities in degrees per second", {"v": "deg/s"}),
+    (1 / (2 * np.pi), "positions in turns, velocities in rad/s", {"q": "rev"}),
+    (2 * np.pi, "positions in rad, velocities in turns per second", {"v": "rev/s"}),
+    (2 * np.pi / 60, "positions in rad, velocities in turns per minute", {"v": "rpm"}),
+    (6.0, "positions in degrees, velocities in turns per minute", {"q": "deg", "v": "rpm"}),
 )
 _LENGTHS: Final = (
-    (1000.0, "positions in mm, velocities in m/s", '{q} = "mm"'),
-    (100.0, "positions in cm, velocities in m/s", '{q} = "cm"'),
-    (0.001, "positions in m, velocities in mm/s", '{v} = "mm/s"'),
-    (0.01, "positions in m, velocities in cm/s", '{v} = "cm/s"'),
+    (1000.0, "positions in mm, velocities in m/s", {"q": "mm"}),
+    (100.0, "positions in cm, velocities in m/s", {"q": "cm"}),
+    (0.001, "positions in m, velocities in mm/s", {"v": "mm/s"}),
+    (0.01, "positions in m, velocities in cm/s", {"v": "cm/s"}),
 )
 
 
@@ -66,13 +67,13 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
                 level="warning",
                 channel=v,
                 text=f"{said}: opposite directions",
-                advice=f"Turn the wrong one round, by `units = {{{_key(v)} = -1}}` or `units = {{{_key(q)} = -1}}`, "
-                "and look at the directions of the inputs too.",
+                advice=f"Turn the wrong one round: write {entry({v: -1.0}, facts.units)} or "
+                f"{entry({q: -1.0}, facts.units)}. Look at the directions of the inputs too.",
             )
         ]
     for known, what, units in _ANGLES if facts.is_angle[i] else _LENGTHS:
         if abs(size / known - 1) < _SAME:
-            keys = units.format(q=_key(q), v=_key(v))
+            columns = {{"q": q, "v": v}[symbol]: unit for symbol, unit in units.items()}
             turned = " One of them has the opposite direction as well." if factor < 0 else ""
             return [
                 Finding(
@@ -80,7 +81,7 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
                     level="warning",
                     channel=q,
                     text=f"{said}, as it is for {what}",
-                    advice=f"Write `units = {{{keys}}}` into the description.{turned}",
+                    advice=f"Write {entry(columns, facts.units)}.{turned}",
                 )
             ]
     return [
@@ -89,8 +90,8 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
             level="warning",
             channel=v,
             text=f"{said}: another unit, a gear between the two sensors, or wrong time stamps?",
-            advice=f"If `{q}` is right, write `units = {{{_key(v)} = {factor:.4g}}}`; otherwise correct the factor of "
-            f"`{q}`, or of the time stamps.",
+            advice=f"If `{q}` is right, write {entry({v: float(f'{factor:.4g}')}, facts.units)}; otherwise correct the "
+            f"factor of `{q}`, or of the time stamps.",
         )
     ]
 
@@ -126,9 +127,7 @@ def _in_degrees(facts: Facts, i: int) -> list[Finding]:
     way = float(np.abs(np.diff(facts.q[:, i])).sum())
     if not facts.is_angle[i] or position.span < 2 * np.pi * _TURNS or way < _REVERSES * position.span:
         return []
-    keys = f'{_key(position.name)} = "deg"'
-    if facts.rates:
-        keys += f', {_key(facts.rates[i].name)} = "deg/s"'
+    columns = {position.name: "deg"} | ({facts.rates[i].name: "deg/s"} if facts.rates else {})
     return [
         Finding(
             kind="unit",
@@ -136,8 +135,7 @@ def _in_degrees(facts: Facts, i: int) -> list[Finding]:
             channel=position.name,
             text=f"`{position.name}` moves back and forth over {position.span:.4g} rad, "
             f"{position.span / (2 * np.pi):.3g} turns: degrees?",
-            advice=f"If so, write `units = {{{keys}}}` into the description. If the joint turns so far, nothing need "
-            "be done.",
+            advice=f"If so, write {entry(columns, facts.units)}. If the joint turns so far, nothing need be done.",
         )
     ]
 
@@ -195,8 +193,3 @@ def _quiet(q: np.ndarray, turns: np.ndarray) -> bool:
 def _at(facts: Facts, samples: np.ndarray) -> tuple[tuple[float, float], ...]:
     """The steps after samples, as stretches of time."""
     return tuple((float(facts.ts[k]), float(facts.ts[k + 1])) for k in samples)
-
-
-def _key(name: str) -> str:
-    """The name as a key of TOML."""
-    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else f'"{name}"'

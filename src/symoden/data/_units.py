@@ -58,6 +58,31 @@ def _plain(unit: str) -> str:
     return unit.replace(" ", "").replace("·", "").replace("*", "").replace("°", "deg").replace("µ", "u")
 
 
+def entry(columns: Mapping[str, str | float], given: Mapping[str, float]) -> str:
+    """Words for what to write so that columns get units, which change those that they may have already.
+
+    Args:
+        columns: Unit or factor by column.
+        given: Factors that `units` of the description has.
+
+    Returns:
+        What to write, and where.
+
+    Example:
+        >>> entry({"q": "deg"}, {}), entry({"q": "deg"}, {"v": 2.0}), entry({"v": -1.0}, {"v": 2.0})
+        ('`units = {q = "deg"}` into the description', '`q = "deg"` into `units`', '`v = -2` into `units`')
+    """
+    units = {name: unit if name not in given else given[name] * factor_of(unit) for name, unit in columns.items()}
+    values = {name: f'"{unit}"' if isinstance(unit, str) else f"{unit:.6g}" for name, unit in units.items()}
+    keys = ", ".join(f"{_key(name)} = {value}" for name, value in values.items())
+    return f"`{keys}` into `units`" if given else f"`units = {{{keys}}}` into the description"
+
+
+def _key(name: str) -> str:
+    """The name as a key of TOML."""
+    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else f'"{name}"'
+
+
 def is_named(column: str, selectors: Mapping[str, Selector]) -> bool:
     """Whether a key of `units` stands for something that is read.
 
