@@ -33,10 +33,10 @@ def test_a_good_data_set_has_its_tables_and_nothing_wrong(arm, capsys):
     out = capsys.readouterr().out
     lines = [line.split() for line in out.splitlines()]
     assert ["train", "a", "80", "3.95", "50", "50", "50", "0", "0", "1"] in lines
-    assert [line[:2] for line in lines if line[:1] in (["q"], ["v"], ["u"])] == [
-        ["q", "position"],
-        ["v", "velocity"],
-        ["u", "input"],
+    assert [line[:3] for line in lines if line[:1] in (["q"], ["v"], ["u"])] == [
+        ["q", "[rad]", "position"],
+        ["v", "[rad/s]", "velocity"],
+        ["u", "input", "-0.9895"],
     ]
     assert "space T1, hold zero" in out
     assert out.endswith("Findings\nnothing looks wrong\n")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.data import DataError, read_dataset
+from symoden.data import DataError, check_dataset, read_dataset
 from symoden.data._description import read_description
 from symoden.data._units import UNITS, factor_of
 
@@ -103,6 +103,24 @@ def test_degrees_are_unwrapped_as_angles(tmp_path):
 def test_what_is_no_unit_is_refused(tmp_path, units, message):
     with pytest.raises(DataError, match=message):
         read_description(described(tmp_path, units))
+
+
+@pytest.mark.parametrize(
+    ("space", "units", "titles"),
+    [
+        ("T1", "", ["q [rad]", "v [rad/s]", "u"]),
+        ("T1", 'q = "deg", v = "rpm", u = "N cm"', ["q [rad]", "v [rad/s]", "u [N m]"]),
+        ("R1", "", ["q", "v", "u"]),
+        ("R1", 'q = "mm"', ["q [m]", "v [m/s]", "u"]),
+        ("R1", 'v = "mm/s", u = 2.0', ["q", "v [m/s]", "u"]),
+    ],
+)
+def test_columns_are_called_with_their_si_units_where_these_are_known(tmp_path, space, units, titles):
+    t = 0.01 * np.arange(200)
+    np.savez(tmp_path / "a.npz", t=t, q=np.sin(t), v=np.cos(t), u=t)
+    path = described(tmp_path, units)
+    path.write_text(path.read_text().replace('"T2"', f'"{space}"'), encoding="utf-8")
+    assert [one.title for one in check_dataset(path).recordings[0].channels] == titles
 
 
 def test_units_are_a_table(tmp_path):

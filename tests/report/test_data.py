@@ -39,7 +39,7 @@ def test_each_recording_is_a_row_and_each_column_a_panel(check):
     figure.canvas.draw()
     assert dict(rcParams) == before
     panels = figure.axes
-    assert [ax.get_title() for ax in panels] == ["q", "v", "u", "", "", ""]
+    assert [ax.get_title() for ax in panels] == ["q [rad]", "v [rad/s]", "u", "", "", ""]
     assert [ax.get_ylabel().split("\n")[0] for ax in panels] == ["a", "", "", "b", "", ""]
     assert [ax.get_xlabel() for ax in panels] == ["", "", "", *["time [s]"] * 3]
     for ax, each, role in zip(panels, [check.recordings[0]] * 3, ("positions", "rates", "inputs"), strict=False):

@@ -89,7 +89,7 @@ def _channel_row(facts: Sequence[ChannelFacts]) -> tuple[object, ...]:
     moving = [one.moving for one in facts if one.moving is not None]
     ratios = [one.ratio for one in facts if one.ratio is not None]
     return (
-        facts[0].name,
+        facts[0].title,
         facts[0].role,
         least,
         most,

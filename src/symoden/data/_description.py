@@ -12,7 +12,7 @@ from symoden.known import KnownParts
 from ._errors import DataError, listing, nearest
 from ._known import read_known
 from ._readers import Selector
-from ._units import factor_of, is_named
+from ._units import factor_of, is_named, si_of
 
 Check: TypeAlias = Callable[[object], object]
 
@@ -46,6 +46,7 @@ class Description:
         inputs: Columns of inputs; none: free motion.
         units: Factors that bring columns to SI and rad as they are read, by the name of a column, or of a variable for
             all its columns. In the file: a factor, or a unit's name: `units = {q = "deg", "tau[1]" = -0.062}`.
+        si_units: SI units that columns are brought to, where `units` name a unit.
         hold: What an input is between samples.
         input_delay: Constant transport delay of the inputs [s], one for all or one each: the input that acts at t is
             the one that was logged at t − delay. The first samples, whose inputs were not logged, are left out.
@@ -66,6 +67,7 @@ class Description:
     momenta: Selector | None = None
     inputs: Selector = ()
     units: Mapping[str, float] = field(default_factory=dict)
+    si_units: Mapping[str, str] = field(default_factory=dict)
     hold: Literal["zero", "linear"] = "zero"
     input_delay: tuple[float, ...] = (0.0,)
     resample: float | None = None
@@ -123,6 +125,8 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
     if space is not None:
         table["space"] = space
     values = _checked(path, "", table, _KEYS, required=("space", "positions"))
+    named = {column: si_of(unit) for column, unit in table.get("units", {}).items()}
+    parts["si_units"] = {column: unit for column, unit in named.items() if unit is not None}
     description = Description(**values, **parts)
     _refuse_contradictions(path, description)
     return description

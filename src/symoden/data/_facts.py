@@ -24,6 +24,7 @@ class ChannelFacts:
 
     Attributes:
         name: Name of the column.
+        title: The same with its SI unit, where that is known.
         role: What it is.
         minimum: Smallest value.
         maximum: Largest value.
@@ -36,6 +37,7 @@ class ChannelFacts:
     """
 
     name: str
+    title: str
     role: Role
     minimum: float
     maximum: float
@@ -115,12 +117,10 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, spikes: Se
     longest = longest_step(np.diff(ts), resample=description.resample)
     positions = tuple(
         dataclasses.replace(one, moving=_share_moving(ts, np.unwrap(way) if angle else way, one.accuracy, longest))
-        for one, way, angle in zip(
-            _channels(ts, q, log.names["positions"], "position", longest), q.T, is_angle, strict=True
-        )
+        for one, way, angle in zip(_channels(ts, q, log, "position", longest), q.T, is_angle, strict=True)
     )
     role: Role = "velocity" if description.momenta is None else "momentum"
-    of_rates = () if rates is None else _channels(ts, rates, log.names["rates"], role, longest)
+    of_rates = () if rates is None else _channels(ts, rates, log, role, longest)
     ratios = ()
     if v is not None:
         ratios = tuple(
@@ -140,24 +140,27 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, spikes: Se
         longest=longest,
         positions=positions,
         rates=of_rates,
-        inputs=_channels(ts, us, log.names["inputs"], "input", longest),
+        inputs=_channels(ts, us, log, "input", longest),
         ratios=ratios,
         units=description.units,
     )
 
 
-def _channels(
-    ts: np.ndarray, signals: np.ndarray, names: tuple[str, ...], role: Role, longest: float
-) -> tuple[ChannelFacts, ...]:
+def _channels(ts: np.ndarray, signals: np.ndarray, log: Log, role: Role, longest: float) -> tuple[ChannelFacts, ...]:
     """Facts of each column that need no other one."""
-    return tuple(_channel(ts, signal, name, role, longest) for signal, name in zip(signals.T, names, strict=True))
+    key = {"position": "positions", "input": "inputs"}.get(role, "rates")
+    return tuple(
+        _channel(ts, signal, (name, log.title(key, i)), role, longest)
+        for i, (signal, name) in enumerate(zip(signals.T, log.names[key], strict=True))
+    )
 
 
-def _channel(ts: np.ndarray, signal: np.ndarray, name: str, role: Role, longest: float) -> ChannelFacts:
+def _channel(ts: np.ndarray, signal: np.ndarray, names: tuple[str, str], role: Role, longest: float) -> ChannelFacts:
     """Facts of one column."""
     step = quantum(signal)
     return ChannelFacts(
-        name=name,
+        name=names[0],
+        title=names[1],
         role=role,
         minimum=float(signal.min()),
         maximum=float(signal.max()),

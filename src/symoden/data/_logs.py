@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from ._errors import DataError, place
 from ._files import find_files
 from ._limits import LARGEST_NUMBER
 from ._readers import Rows, read_rows, suffix_of
-from ._units import in_si
+from ._units import in_si, of_column
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,6 +45,7 @@ class Log:
         rates: Velocities or momenta (T, n); None if there are none.
         us: Inputs (T, m).
         names: Names of the columns by role: "time", "positions", "rates", "inputs".
+        units: SI units of these columns, by role, empty where neither the description nor the space tells one.
         impossible: Numbers that are too large for any machine, of each column that has any.
     """
 
@@ -57,6 +58,7 @@ class Log:
     rates: np.ndarray | None
     us: np.ndarray
     names: Mapping[str, tuple[str, ...]]
+    units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     impossible: tuple[Impossible, ...] = ()
 
     def __len__(self) -> int:
@@ -79,6 +81,19 @@ class Log:
     def time_column(self) -> str:
         """Start of messages on the time stamps: the file and the column."""
         return f"`{self.path}`: column `{self.names['time'][0]}`" if "time" in self.names else f"`{self.path}`: `dt`"
+
+    def title(self, role: str, column: int) -> str:
+        """Name of a column for a reader, with its SI unit where that is known.
+
+        Args:
+            role: "positions", "rates" or "inputs".
+            column: Which of them.
+
+        Returns:
+            The name.
+        """
+        unit = self.units[role][column] if role in self.units else ""
+        return f"{self.names[role][column]} [{unit}]" if unit else self.names[role][column]
 
     def place(self, row: int) -> str:
         """Where a row of the log is in the file.
@@ -188,8 +203,21 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
         rates=rates,
         us=rows.signals["inputs"],
         names=rows.names,
+        units=_si_units(rows, description, is_angle),
         impossible=impossible,
     )
+
+
+def _si_units(rows: Rows, description: Description, is_angle: np.ndarray) -> dict[str, tuple[str, ...]]:
+    """SI units of the columns, as far as the description or the space tells them."""
+    units = {role: [of_column(name, description.si_units) or "" for name in rows.names[role]] for role in rows.names}
+    units["positions"] = ["rad" if angle else unit for angle, unit in zip(is_angle, units["positions"], strict=True)]
+    if description.velocities is not None:
+        units["rates"] = [
+            unit or (f"{of_position}/s" if of_position else "")
+            for unit, of_position in zip(units["rates"], units["positions"], strict=True)
+        ]
+    return {role: tuple(every) for role, every in units.items()}
 
 
 def _without_impossible(rows: Rows) -> tuple[Rows, tuple[Impossible, ...]]:

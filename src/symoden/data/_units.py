@@ -4,12 +4,14 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
 from ._errors import nearest
 from ._readers import Rows, Selector, variable_of
+
+T = TypeVar("T")
 
 _BY_SI: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
     {
@@ -51,6 +53,24 @@ def factor_of(unit: object) -> float:
     if isinstance(unit, int | float) and not isinstance(unit, bool) and math.isfinite(unit) and unit != 0:
         return float(unit)
     raise ValueError("must be the name of a unit, or a factor: a finite number other than 0")
+
+
+def si_of(unit: object) -> str | None:
+    """SI unit, or rad, that a unit is brought to.
+
+    Args:
+        unit: Name of a unit that `factor_of` takes, or a factor.
+
+    Returns:
+        Its name; None of a factor, which says nothing of it.
+
+    Example:
+        >>> si_of("mm"), si_of(0.001)
+        ('m', None)
+    """
+    if not isinstance(unit, str):
+        return None
+    return next(si for si, units in _BY_SI.items() if _plain(unit) in units)
 
 
 def _plain(unit: str) -> str:
@@ -114,6 +134,20 @@ def in_si(rows: Rows, units: Mapping[str, float]) -> Rows:
     return dataclasses.replace(rows, signals=signals)
 
 
+def of_column(name: str, units: Mapping[str, T]) -> T | None:
+    """What `units` say of a column: its own entry, or that of its variable.
+
+    Args:
+        name: The column.
+        units: Anything by the name of a column or variable.
+
+    Returns:
+        The entry; None if there is none.
+    """
+    return units.get(name, units.get(variable_of(name)))
+
+
 def _factors(names: tuple[str, ...], units: Mapping[str, float]) -> np.ndarray:
     """Factor of each column."""
-    return np.array([units.get(name, units.get(variable_of(name), 1.0)) for name in names])
+    factors = [of_column(name, units) for name in names]
+    return np.array([1.0 if factor is None else factor for factor in factors])

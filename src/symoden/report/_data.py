@@ -47,7 +47,7 @@ def draw_check(check: DatasetCheck) -> Figure:
             if k == 0:
                 ax.set_ylabel(f"{each.log.name}\n({each.log.part})", fontsize=_TINY)
     for ax, (role, i) in zip(panels[0], signals, strict=True):
-        ax.set_title(check.recordings[0].log.names[role][i], fontsize=LABEL)
+        ax.set_title(check.recordings[0].log.title(role, i), fontsize=LABEL)
     for ax in panels[-1]:
         ax.set_xlabel("time [s]", fontsize=SMALL)
     return figure
