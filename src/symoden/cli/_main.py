@@ -12,6 +12,7 @@ from typing import Annotated, Any, Final, Union
 import tyro
 
 from ._arguments import COMMANDS, Command, Reproduce, Train
+from ._numbers import number_rules
 
 FAILURE: Final = 1
 WRONG_INPUT: Final = 2
@@ -62,7 +63,7 @@ def _parse(words: list[str]) -> Command:
     config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
     if words and words[0] in COMMANDS:
         name = words[0]
-        return tyro.cli(COMMANDS[name], prog=f"symoden {name}", args=words[1:], config=config)
+        return tyro.cli(COMMANDS[name], prog=f"symoden {name}", args=words[1:], config=config, registry=number_rules())
     # Nothing is chosen, so this exits; one line explains each command.
     choices = [
         Annotated[kind, tyro.conf.subcommand(name, description=inspect.getdoc(kind).partition("\n")[0])]  # pyright: ignore[reportOptionalMemberAccess]
