@@ -227,7 +227,9 @@ def test_a_number_that_no_machine_has_is_named_and_left_out(tmp_path, column, nu
     (check,) = check_dataset(path).recordings
     assert f"`{column}` has 1 number beyond 1e+20, first at line 302 (row 300): {number:g}" in check.findings[0].text
     assert check.duration == pytest.approx(np.ptp(np.delete(log[:, 0], 300)))
-    with pytest.warns(DataWarning, match=f"left out in `run0`: 1 row with a number beyond 1e\\+20 in `{column}`"):
+    with pytest.warns(
+        DataWarning, match=f"left out in `run0`: 1 row with a number beyond 1e\\+20 in `{column}` .first at line 302"
+    ):
         (recording,) = read_dataset(path).train
     assert len(recording) == 499
 

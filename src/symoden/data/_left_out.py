@@ -78,7 +78,7 @@ def _impossible(log: Log) -> list[Finding]:
             level="masked",
             channel=each.channel,
             text=f"`{each.channel}` has {len(each.rows)} number{'s' if len(each.rows) > 1 else ''} beyond "
-            f"{LARGEST_NUMBER:g}, first at {log.place(int(each.rows[0]))}: {each.first:g}",
+            f"{LARGEST_NUMBER:g}, first at {each.place}: {each.first:g}",
             advice="No machine has such numbers; these rows are left out. Look for a logger that writes one where it "
             "has none, or for a damaged file.",
             spans=tuple(_time_of(log, int(row), int(row)) for row in each.rows[:SHOWN_SPANS]),

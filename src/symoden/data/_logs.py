@@ -24,11 +24,13 @@ class Impossible:
         channel: Name of the column.
         rows: Their rows of the log.
         first: The first of them, in SI or rad.
+        place: Where that one is in the file.
     """
 
     channel: str
     rows: np.ndarray
     first: float
+    place: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -223,7 +225,7 @@ def _si_units(rows: Rows, description: Description, is_angle: np.ndarray) -> dic
 def _without_impossible(rows: Rows) -> tuple[Rows, tuple[Impossible, ...]]:
     """The rows with NaN for every number that is too large for any machine, and these numbers."""
     found = [
-        Impossible(channel=name, rows=at, first=float(column[at[0]]))
+        Impossible(channel=name, rows=at, first=float(column[at[0]]), place=place(rows.path, rows.start + int(at[0])))
         for role, signal in rows.signals.items()
         for name, column in zip(rows.names[role], signal.T, strict=True)
         if len(at := np.flatnonzero(np.abs(column) > LARGEST_NUMBER))

@@ -48,7 +48,7 @@ class Mask:
         if self.missing:
             what.append(f"{self.missing} row{'s' if self.missing > 1 else ''} without all numbers")
         if impossible := len(rows_of(self.impossible)):
-            columns = ", ".join(f"`{each.channel}`" for each in self.impossible)
+            columns = ", ".join(f"`{each.channel}` (first at {each.place})" for each in self.impossible)
             rows = f"{impossible} row{'s' if impossible > 1 else ''}"
             what.append(f"{rows} with a number beyond {LARGEST_NUMBER:g} in {columns}")
         if spikes := len(rows_of(self.spikes)):
