@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from symoden.blocks import (
+    Constant,
     Correction,
     GramBlock,
     Harmonics,
@@ -44,8 +45,8 @@ def motion(model):
     return jax.jvp(model.observe, (state,), (model.derivative(jnp.zeros(()), state, u),))[1]
 
 
-def test_blocks_start_from_harmonics_on_angles_and_from_networks_on_lengths():
-    """Corrections of harmonics are silent and frozen; on lengths alone the network is free from the start."""
+def test_blocks_start_from_harmonics_on_angles_and_from_a_constant_or_a_network_on_lengths():
+    """Corrections are silent and frozen; on lengths alone M⁻¹ is a constant, and the network of V is free."""
     harmonic = BlockConfig(hidden=(5,), harmonics=True)
     config = dataclasses.replace(BASE, inverse_mass=harmonic, potential=harmonic)
     model = made(config)
@@ -57,7 +58,9 @@ def test_blocks_start_from_harmonics_on_angles_and_from_networks_on_lengths():
     assert np.asarray(motion(made(bare))) == pytest.approx(np.asarray(motion(model)), abs=1e-12)
     assert count_parameters(made(bare), corrections=0) == count_parameters(model, corrections=0)
     assert count_parameters(made(bare)) < count_parameters(model)
-    assert isinstance(made(config, space="R2").potential.function, Network)
+    sliding = made(config, space="R2")
+    assert [type(term) for term in sliding.inverse_mass.function.terms] == [Constant, Correction]
+    assert isinstance(sliding.potential.function, Network)
     assert isinstance(made(bare, space="R2").potential.function, Harmonics)
 
 

@@ -61,8 +61,8 @@ class BlockConfig:
             and stays frozen until validation data ask for it.
         harmonics: On a space with angles, start likewise from products of their first harmonics and of low powers of
             lengths, as rigid bodies on joints have them: of up to three factors, on more than three coordinates of as
-            many as leave a block below 2000 numbers. On lengths alone M starts from a constant, as what slides has it, and
-            the network of any other block is free from the start.
+            many as leave a block below 2000 numbers. On lengths alone M⁻¹ starts from a constant, since what slides has
+            one, and the network of any other block is free from the start.
     """
 
     hidden: tuple[int, ...] = ()
