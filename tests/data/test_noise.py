@@ -6,6 +6,7 @@ from hypothesis import given, strategies as st
 
 from symoden.data import (
     Trajectory,
+    choose_spans,
     estimate_velocities,
     measure_noise,
     read_dataset,
@@ -69,8 +70,9 @@ def estimated(sigma, seed, hertz=500):
     """A noisy swing whose velocities are estimated from its positions."""
     ts = np.arange(0, 20, 1 / hertz)
     q = (np.sin(3 * ts) + sigma * np.random.default_rng(seed).normal(size=len(ts)))[:, None]
-    v = estimate_velocities(ts, q, name="r")
-    gain = velocity_noise_gain(ts)
+    spans = choose_spans([ts], [q])
+    v = estimate_velocities(ts, q, name="r", spans=spans)
+    gain = velocity_noise_gain(ts, spans)
     return Trajectory(name="r", ts=ts, q=q, rates=v, us=np.zeros((len(ts), 0)), noise_gain=gain)
 
 
@@ -79,8 +81,9 @@ def estimated(sigma, seed, hertz=500):
 def test_estimated_velocities_have_the_noise_that_their_weights_make_of_the_positions(hertz, dt):
     log = estimated(1e-3, hertz, hertz)
     log = log if dt is None else resample(log, dt)
-    error = (log.rates[:, 0] - 3 * np.cos(3 * log.ts))[5:-5]
-    assert measure_noise([log]).rates[0] == pytest.approx(error.std(), rel=0.25)
+    error = (log.rates[:, 0] - 3 * np.cos(3 * log.ts))[len(log) // 20 : -len(log) // 20]
+    # The window is as wide as the motion allows: a part of the error is not noise, but motion that it takes away.
+    assert 0.5 * error.std() < measure_noise([log]).rates[0] < 1.1 * error.std()
 
 
 def test_the_shortest_part_of_a_recording_can_still_be_resampled():
@@ -99,10 +102,11 @@ def test_a_recording_that_is_read_without_velocities_knows_that_they_were_estima
     np.savez(tmp_path / "r.npz", t=log.ts, q=log.q, v=log.rates)
     text = 'space = "T1"\ntime = "t"\npositions = "q"\nresample = 0.01\n[train]\nfiles = ["r.npz"]\nsplit_every = 5.0\n'
     (tmp_path / "d.toml").write_text(text)
-    gains = [each.noise_gain for each in read_dataset(tmp_path / "d.toml").train]
-    assert gains == [resample(log, 0.01).noise_gain] * 4
+    expected = np.asarray(resample(log, 0.01).noise_gain)
+    gains = np.array([each.noise_gain for each in read_dataset(tmp_path / "d.toml").train])
+    np.testing.assert_allclose(gains, np.tile(expected, (4, 1)), rtol=0.01)
     (tmp_path / "d.toml").write_text('velocities = "v"\n' + text)
-    assert {each.noise_gain for each in read_dataset(tmp_path / "d.toml").train} == {None}
+    assert all(each.noise_gain is None for each in read_dataset(tmp_path / "d.toml").train)
 
 
 @given(sigma=st.floats(0.001, 0.1), seed=st.integers(0, 1000))

@@ -9,6 +9,7 @@ from ._logs import Log as Log
 from ._noise import SensorNoise as SensorNoise, measure_noise as measure_noise
 from ._read_dataset import read_dataset as read_dataset
 from ._resample import resample as resample
+from ._spans import choose_spans as choose_spans
 from ._split import segments as segments, split_validation as split_validation
 from ._time_scale import time_scales as time_scales
 from ._trajectory import Trajectory as Trajectory
@@ -29,6 +30,7 @@ __all__ = [
     "Trajectory",
     "Windows",
     "check_dataset",
+    "choose_spans",
     "estimate_velocities",
     "measure_noise",
     "read_dataset",

@@ -1,6 +1,7 @@
 """From a log to recordings: masked, angles unwrapped, rates completed, inputs delayed, resampled, split."""
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from ._errors import DataError
 from ._logs import Log
 from ._masking import Mask, mask
 from ._resample import resample
+from ._spans import choose_spans
 from ._spikes import find_spikes
 from ._split import segments
 from ._trajectory import Trajectory, refuse_times_out_of_order
@@ -38,21 +40,24 @@ def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> t
             f"{len(chosen.pieces[0])} of {len(log)}. {_emptiest(log)}"
         )
     split_every = description.parts[log.part].split_every
+    spans = _spans(log, chosen.pieces, is_angle)
     found: list[Trajectory] = []
     for rows in chosen.pieces:
-        trajectory = _trajectory(log, rows, description, is_angle)
+        trajectory = _trajectory(log, rows, description, is_angle, spans=spans)
         found.extend((trajectory,) if split_every is None else segments(trajectory, split_every))
     if len(found) > 1:
         found = [dataclasses.replace(each, name=f"{log.name}#{k}") for k, each in enumerate(found, start=1)]
     return tuple(found), chosen
 
 
-def _trajectory(log: Log, rows: np.ndarray, description: Description, is_angle: np.ndarray) -> Trajectory:
-    """One piece of a log as a recording."""
-    ts, q = log.ts[rows], log.q[rows]
-    q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
+def _trajectory(
+    log: Log, rows: np.ndarray, description: Description, is_angle: np.ndarray, *, spans: np.ndarray
+) -> Trajectory:
+    """One piece of a log as a recording, its velocities estimated from so many samples where there are none."""
+    ts, q = log.ts[rows], _unwrapped(log, rows, is_angle)
     if log.rates is None:
-        rates, gain = estimate_velocities(ts, q, name=log.name), velocity_noise_gain(ts)
+        rates = estimate_velocities(ts, q, name=log.name, spans=spans)
+        gain = velocity_noise_gain(ts, spans)
     else:
         rates, gain = log.rates[rows], None
     trajectory = Trajectory(
@@ -68,6 +73,20 @@ def _trajectory(log: Log, rows: np.ndarray, description: Description, is_angle: 
     if description.resample is not None:
         trajectory = resample(trajectory, description.resample, hold=description.hold)
     return trajectory
+
+
+def _spans(log: Log, pieces: Sequence[np.ndarray], is_angle: np.ndarray) -> np.ndarray:
+    """How many samples to estimate each velocity from, the same in all pieces; none where it was measured."""
+    if log.rates is not None:
+        return np.arange(0)
+    return choose_spans([log.ts[rows] for rows in pieces], [_unwrapped(log, rows, is_angle) for rows in pieces])
+
+
+def _unwrapped(log: Log, rows: np.ndarray, is_angle: np.ndarray) -> np.ndarray:
+    """Positions of a piece, angles without jumps."""
+    q = log.q[rows]
+    q[:, is_angle] = np.unwrap(q[:, is_angle], axis=0)
+    return q
 
 
 def _emptiest(log: Log) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from ._errors import DataError
 from ._shapes import Inputs, Signals, Times
 from ._trajectory import Trajectory
-from ._velocities import velocity_noise_gain
+from ._velocities import averaged_noise_gain
 
 _MOST_SAMPLES = 50_000_000
 
@@ -51,7 +51,8 @@ def resample(trajectory: Trajectory, dt: float, *, hold: Literal["zero", "linear
         if average_held
         else centred_mean(elapsed, trajectory.us, grid, width)
     )
-    gain = None if trajectory.noise_gain is None else velocity_noise_gain(ts, averaged=width)
+    before = trajectory.noise_gain
+    gain = None if before is None else averaged_noise_gain(ts, np.asarray(before), averaged=width)
     return dataclasses.replace(
         trajectory,
         ts=ts[0] + grid,

@@ -91,7 +91,13 @@ def quantum(signal: np.ndarray) -> float:
 
 
 def noise_level(
-    ts: Times, signal: np.ndarray, *, longest: float, order: int = _ORDER, causes: np.ndarray | None = None
+    ts: Times,
+    signal: np.ndarray,
+    *,
+    longest: float,
+    order: int = _ORDER,
+    causes: np.ndarray | None = None,
+    bursts: bool = False,
 ) -> float:
     """Standard deviation of what is too fast for a motion, at uneven time stamps too.
 
@@ -104,6 +110,8 @@ def noise_level(
         longest: Longest step that is no gap [s]; no window spans a gap.
         order: Of the differences; they see no motion that is a polynomial of lower degree.
         causes: Signals (T, k) that move this one, as fast as they like: what is proportional to them is no noise.
+        bursts: Take the root mean square of all but the largest 0.5 % instead of the median, which tells nothing of
+            noise that comes and goes, such as an encoder's, which grows with its speed.
 
     Returns:
         The level; 0 where there are too few samples.
@@ -121,7 +129,11 @@ def noise_level(
     rest, moved = rest[:, 0], rest[:, 1:]
     if len(rest) > 2 * moved.shape[1] > 0:
         rest = rest - moved @ np.linalg.lstsq(moved, rest, rcond=None)[0]
-    return _SIGMA * float(np.median(np.abs(rest))) if len(rest) else 0.0
+    if not len(rest):
+        return 0.0
+    if bursts:
+        return float(np.sqrt(np.mean(np.sort(rest**2)[: -(-len(rest) * 995 // 1000)])))
+    return _SIGMA * float(np.median(np.abs(rest)))
 
 
 def standstills(ts: Times, signal: np.ndarray, *, least: int, longest: float) -> list[tuple[int, int]]:

@@ -21,8 +21,9 @@ class Trajectory:
         rates: Velocities or momenta; the data set says which.
         us: Inputs; with hold "zero", `us[k]` acts on [`ts[k]`, `ts[k + 1]`). No columns mean free motion.
         initial_samples: How many samples may be used to find the first state; scoring starts after them.
-        noise_gain: Standard deviation of the rates' noise over that of the positions' [1/s], where the rates were
-            estimated from the positions (`velocity_noise_gain` says it); None where they were measured.
+        noise_gain: Standard deviation of the rates' noise over that of the positions' [1/s], for each coordinate or one
+            for all, where the rates were estimated from the positions (`velocity_noise_gain` says it); None where they
+            were measured.
 
     Example:
         >>> import numpy as np
@@ -38,7 +39,7 @@ class Trajectory:
     rates: np.ndarray
     us: np.ndarray
     initial_samples: int = 1
-    noise_gain: float | None = None
+    noise_gain: np.ndarray | float | None = None  # (n,) once made
 
     def __post_init__(self) -> None:
         """Copy the arrays, and refuse what is no recording.
@@ -72,11 +73,18 @@ class Trajectory:
                 f"`{self.name}`: `initial_samples` must be at least 1 and leave a sample to score; "
                 f"got {self.initial_samples} of {samples} samples."
             )
-        if self.noise_gain is not None and not 0 < self.noise_gain < np.inf:
+        if self.noise_gain is not None:
+            object.__setattr__(self, "noise_gain", self._gains(self.noise_gain))
+
+    def _gains(self, noise_gain: np.ndarray | float) -> np.ndarray:
+        """One gain for each coordinate, checked."""
+        gains = np.array(noise_gain, dtype=np.float64)
+        if gains.shape not in {(), self.q.shape[1:]} or not np.all((gains > 0) & (gains < np.inf)):
             raise DataError(
-                f"`{self.name}`: `noise_gain` must be positive and finite; got {self.noise_gain}. Leave it out where "
-                "the rates were measured."
+                f"`{self.name}`: `noise_gain` must be positive and finite; got {noise_gain}. Give one number or one "
+                "per coordinate, or leave it out where the rates were measured."
             )
+        return np.broadcast_to(gains, self.q.shape[1:])
 
     def __len__(self) -> int:
         """Number of samples T."""

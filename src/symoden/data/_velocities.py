@@ -1,28 +1,32 @@
 """Velocities from positions, where a recording has none."""
 
-import numpy as np
+from typing import Final
 
+import numpy as np
+from jaxtyping import Float64, Int
+
+from ._cubics import LEAST
 from ._errors import DataError
 from ._shapes import Positions, Rates, Times
+from ._signals import longest_step
+from ._spans import choose_spans, fit_span
 
-_WIDTH = 0.05  # [s]: follows motions of 10 Hz, and averages out an encoder's steps at 500 Hz.
-_LEAST = 5  # Samples of the narrowest window: the fourth-order difference formula.
-_DEGREE = 3
-_MOST_SAMPLES = 50_000_000
+_MOST_SAMPLES: Final = 50_000_000
 
 
-def estimate_velocities(ts: Times, q: Positions, *, name: str) -> Rates:
+def estimate_velocities(ts: Times, q: Positions, *, name: str, spans: Int[np.ndarray, " n"] | None = None) -> Rates:
     """Slope of the cubic that fits the positions best around each sample (Savitzky and Golay's smoother).
 
-    The fit spans 0.05 s, or 5 samples where these are more than 12.5 ms apart, on a uniform grid of the median step.
-    The window is centred, so that nothing is delayed, and any cubic motion is reproduced exactly: the bias is of order
-    4 in the window's width. At 500 Hz a sine of 10 Hz loses 1 % of its velocity, and white noise of σ rad becomes 35 σ
-    rad/s; a wider window would have less noise and lose more.
+    `choose_spans` says how many samples a fit spans: enough of them to average out noise and an encoder's steps, and no
+    more than the motion's fastest part allows. The window is centred, so that nothing is delayed, and any cubic motion
+    is reproduced exactly, at uneven time stamps too: the bias is of order 4 in the window's width. No window spans a
+    gap in time.
 
     Args:
         ts: Time stamps [s].
         q: Positions; angles without jumps.
         name: Name of the recording, for messages.
+        spans: Number of samples that the fit spans, for each coordinate; absent, they are chosen.
 
     Returns:
         Velocities at the time stamps.
@@ -33,53 +37,77 @@ def estimate_velocities(ts: Times, q: Positions, *, name: str) -> Rates:
     References:
         Savitzky and Golay (1964), *Smoothing and differentiation of data by simplified least squares procedures*.
     """
-    from scipy.signal import savgol_filter  # slow to import, seldom needed
-
-    steps = np.diff(ts)
-    count = _samples(ts)
-    if len(ts) < _LEAST or not _LEAST <= count < _MOST_SAMPLES:
-        raise DataError(
-            f"`{name}`: velocities are estimated from at least {_LEAST} samples without extreme gaps; got {len(ts)} "
-            f"samples {steps.min():.6g} to {steps.max():.6g} s apart. Name the columns of `velocities`, or take other "
-            "rows."
-        )
-    grid, step = np.linspace(ts[0], ts[-1], count, retstep=True)
-    window = _window(count, float(step))
-    even = np.stack([np.interp(grid, ts, column) for column in q.T], axis=1)
-    slopes = np.asarray(savgol_filter(even, window, _DEGREE, deriv=1, delta=float(step), axis=0))
-    return np.stack([np.interp(ts, grid, column) for column in slopes.T], axis=1)
+    parts = _parts(ts, name)
+    if spans is None:
+        spans = choose_spans([ts[part] for part in parts], [q[part] for part in parts])
+    slopes = np.empty(q.shape)
+    for span in set(spans.tolist()):
+        for part in parts:
+            alike = spans == span
+            cubics = fit_span(ts[part], q[part][:, alike], span)
+            slopes[part, alike] = cubics.slopes(ts[part], cubics.near(ts[part])).T
+    return slopes
 
 
-def velocity_noise_gain(ts: Times, *, averaged: float = 0.0) -> float:
+def velocity_noise_gain(ts: Times, spans: Int[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
     """Standard deviation of the noise of estimated velocities over that of the positions, which is white.
 
     It is the norm of the weights with which `estimate_velocities` adds up positions.
 
     Args:
-        ts: Time stamps [s], at least 2.
-        averaged: Width of the window over which positions and velocities are averaged afterwards [s].
+        ts: Time stamps [s], at least 5.
+        spans: Number of samples that the fit spans, for each coordinate.
 
     Returns:
-        The gain [1/s].
+        The gain [1/s] of each coordinate.
 
     Example:
-        >>> round(velocity_noise_gain(0.002 * np.arange(100)))
-        35
+        >>> velocity_noise_gain(0.002 * np.arange(100), np.array([15])).round().tolist()
+        [76.0]
     """
-    from scipy.signal import savgol_coeffs  # slow to import, seldom needed
+    nothing = np.empty((len(ts), 0))
+    variances = [fit_span(ts, nothing, span).covariance[0, 0].mean() for span in spans.tolist()]
+    return np.sqrt(np.array(variances, dtype=np.float64))
 
-    count = _samples(ts)
-    step = float((ts[-1] - ts[0]) / (count - 1))
-    weights = savgol_coeffs(_window(max(count, _LEAST), step), _DEGREE, deriv=1, delta=step)
+
+def averaged_noise_gain(ts: Times, gains: Float64[np.ndarray, " n"], *, averaged: float) -> Float64[np.ndarray, " n"]:
+    """Gain in noise of estimated velocities, where positions and velocities are averaged afterwards.
+
+    Args:
+        ts: Time stamps before [s], at least 2.
+        gains: Gain of each coordinate before [1/s].
+        averaged: Width of the window over which positions and velocities are averaged [s].
+
+    Returns:
+        The gains [1/s].
+    """
+    step = float((ts[-1] - ts[0]) / (len(ts) - 1))
     mean = np.ones(max(1, round(averaged / step)))
-    return float(np.linalg.norm(np.convolve(weights, mean)) / np.linalg.norm(mean))
+    return np.array([gain * _correlated(gain * step, mean) for gain in gains])
 
 
-def _samples(ts: Times) -> int:
-    """Number of samples of a uniform grid of the median step."""
-    return round(float((ts[-1] - ts[0]) / np.median(np.diff(ts)))) + 1
+def _correlated(gain: float, mean: np.ndarray) -> float:
+    """What averaging makes of a gain: noise of velocities averages out less than that of the positions."""
+    # The window with this gain: its variance per sample is 75/w³ for w samples, nearly.
+    half = max(LEAST, round((75 / gain**2) ** (1 / 3))) // 2
+    j = np.arange(-half, half + 1.0)
+    fourth, sixth = (j**4).sum(), (j**6).sum()
+    weights = j * sixth - j**3 * fourth
+    return float(np.linalg.norm(np.convolve(weights, mean)) / np.linalg.norm(weights) / np.linalg.norm(mean))
 
 
-def _window(count: int, step: float) -> int:
-    """Number of samples, an odd one, that the fit spans."""
-    return min(max(_LEAST, 2 * round(_WIDTH / step / 2) + 1), count - 1 + count % 2)
+def _parts(ts: Times, name: str) -> list[slice]:
+    """Stretches without a gap, each of which is long enough."""
+    steps = np.diff(ts)
+    extreme = len(ts) >= LEAST and not LEAST - 1 <= (ts[-1] - ts[0]) / np.median(steps) + 0.5 < _MOST_SAMPLES
+    if len(ts) < LEAST or extreme:
+        raise DataError(
+            f"`{name}`: velocities are estimated from at least {LEAST} samples without extreme gaps; got {len(ts)} "
+            f"samples {steps.min():.6g} to {steps.max():.6g} s apart. Name the columns of `velocities`, or take other "
+            "rows."
+        )
+    starts = [0]
+    for start in np.flatnonzero(steps > longest_step(steps)) + 1:
+        if min(start - starts[-1], len(ts) - start) >= LEAST:
+            starts.append(int(start))
+    return [slice(start, stop) for start, stop in zip(starts, [*starts[1:], len(ts)], strict=True)]
