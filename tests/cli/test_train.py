@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 import pytest
 
-from symoden.cli import main
+from symoden.cli import _train, main
 from symoden.experiments import read_model, read_run
 from symoden.models import BlockConfig, ModelConfig
 from symoden.training import TrainingConfig
@@ -103,6 +103,13 @@ def test_train_gives_one_object_with_the_scores(tmp_path, capsys):
     assert main(["evaluate", str(tmp_path / "run"), "--json"]) == 0
     scores = json.loads(capsys.readouterr().out)
     assert scores == {key: answer[key] for key in scores}
+
+
+def test_a_model_that_explains_little_is_called_so(arm, tmp_path, capsys, monkeypatch):
+    for bound, said in ((0.0, True), (1e9, False)):
+        monkeypatch.setattr(_train, "_POOR", bound)
+        assert main(["train", str(arm), "--out", str(tmp_path / f"{said}")]) == 0
+        assert ("is much of the motion" in capsys.readouterr().err) == said
 
 
 def test_fewer_and_noisy_trajectories_stay_with_the_run(tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+from typing import Final
 
 from symoden.blocks import count_parameters
 from symoden.experiments import (
@@ -25,6 +26,8 @@ from ._learned import ensemble_words
 from ._output import print_json
 from ._progress import show_progress
 from ._scores import report_scores
+
+_POOR: Final = 0.3  # Loss relative to the motion from which it is worth a word.
 
 
 def run(command: Train) -> None:
@@ -54,7 +57,13 @@ def run(command: Train) -> None:
             max_minutes=command.max_minutes,
             progress=progress,
         )
-    scores = report_scores(result.model, config, source, json=command.general.json)
+    if result.completed and config.training.scaled_loss and result.loss > _POOR:
+        print(
+            f"warning: a loss of {result.loss:.2g} is much of the motion: one of 1 predicts nothing. Unless noise is as "
+            "large, look for a wrong unit, sign or space, or for an input that is not in the log (`symoden data check`).",
+            file=sys.stderr,
+        )
+    scores = report_scores(result.model, read_run(command.out), source, json=command.general.json)
     if command.general.json:
         print_json(_as_json(command, result) | scores)
     else:

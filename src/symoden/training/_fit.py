@@ -96,7 +96,7 @@ def fit(
 
     Raises:
         TypeError: If `dataset` is something else.
-        TrainingError: If no model was found whose errors are finite and no larger than the motion.
+        TrainingError: If no model was found whose mean squared errors are finite and below a thousand times the motion.
         ValueError: If members are wanted and training has no Levenberg-Marquardt.
         DataError: If every recording is shorter than a window.
         StorageError: If `folder` cannot be written, or its checkpoint is damaged or of other settings.
@@ -131,8 +131,8 @@ def fit(
         completed, ensemble = state.stage == len(stages), None
         if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _LOST):
             raise TrainingError(
-                "Training must find a model whose errors are finite and no larger than the motion; the best one has a "
-                f"loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the space of "
+                "Training must find a model whose errors are finite and not far larger than the motion; the best one has "
+                f"a loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the space of "
                 "the data (`symoden data check`), or lower the learning rate."
             )
         best = cast(state.best, precision)

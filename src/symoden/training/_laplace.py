@@ -83,8 +83,8 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
     independent (Laplace's approximation, Gauss-Newton's matrix). Those of one window are not, and models are never
     quite right, so that the covariance is H⁻¹ (W/(W−1) Σ_w s_w s_wᵀ + λ I) H⁻¹ with the scores s_w = J_wᵀ r_w / σ² of
     the W windows (the sandwich of Huber and White, by windows; at the optimum the scores sum to zero). σ² is the larger
-    of the mean squared residuals on the training and on the validation data: a model that follows its training data
-    more closely than others is not more certain.
+    of the mean squared residuals on the training and on the validation data, and the r_w are scaled up to it: a model
+    that follows its training data more closely than others is not more certain.
 
     Priors that training has learned are left out: what they narrowed to nothing counts as open again, so that bands are
     rather too wide than too narrow where the data say little.
