@@ -59,8 +59,8 @@ def run(command: Train) -> None:
         )
     if result.completed and config.training.scaled_loss and result.loss > _POOR:
         print(
-            f"warning: a loss of {result.loss:.2g} is much of the motion: one of 1 predicts nothing. Unless noise is as "
-            "large, look for a wrong unit, sign or space, or for an input that is not in the log (`symoden data check`).",
+            f"warning: a loss of {result.loss:.2g} is much of the motion: one of 1 predicts nothing. Unless noise "
+            "is as large, look for a wrong unit, sign or space, or for an input that is not in the log (`data check`).",
             file=sys.stderr,
         )
     scores = report_scores(result.model, read_run(command.out), source, json=command.general.json)

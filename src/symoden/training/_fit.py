@@ -131,9 +131,9 @@ def fit(
         completed, ensemble = state.stage == len(stages), None
         if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _LOST):
             raise TrainingError(
-                "Training must find a model whose errors are finite and not far larger than the motion; the best one has "
-                f"a loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the space of "
-                "the data (`symoden data check`), or lower the learning rate."
+                "Training must find a model whose errors are finite and not far larger than the motion; the best one "
+                f"has a loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the "
+                "space of the data (`symoden data check`), or lower the learning rate."
             )
         best = cast(state.best, precision)
         if folder is not None:
