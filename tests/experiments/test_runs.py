@@ -149,9 +149,9 @@ def test_a_run_without_its_model_says_that_training_did_not_end(tmp_path):
 
 def test_training_never_overwrites_what_is_there(tmp_path):
     (tmp_path / "precious.txt").write_text("data")
-    with pytest.raises(ValueError, match="must be empty or absent"):
+    with pytest.raises(ValueError, match="must be empty, absent or the folder of a run"):
         train_run(tmp_path, settings(), Dataset(name="swing", space="T1", train=(swing(),)))
-    with pytest.raises(ValueError, match="must be empty or absent"):
+    with pytest.raises(ValueError, match="must be empty, absent or the folder of a run"):
         train_run(tmp_path / "precious.txt", settings(), Dataset(name="swing", space="T1", train=(swing(),)))
     assert [path.name for path in tmp_path.iterdir()] == ["precious.txt"]
 
