@@ -29,8 +29,10 @@ LOGS = [
     (1000, 5),
     (1000, 50),
     (10_000, 1),
+    (10_000, 50),
+    (10_000, 500),
+    (1_000_000, 3000),
 ]
-LOGS += [(10_000, 50), (10_000, 500), (1_000_000, 3000)]
 
 
 def motion(rate: float, hertz: float, sensor: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

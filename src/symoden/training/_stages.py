@@ -154,7 +154,7 @@ class AdamStage(AbstractStage):
         state = state._replace(step=state.step + steps, model=model, memory=after.optimizer)
         finite = np.asarray(losses)[np.isfinite(losses)]  # The others were skipped.
         loss = float(np.mean(finite)) if finite.size else math.inf
-        if not finite.size:
+        if not math.isfinite(loss):
             return state._replace(model=state.best), Report(loss, validation, finished=True, outcome=DIVERGED)
         judged = loss if validation is None else validation
         if judged < state.best_loss or not self.config.keep_best:
