@@ -106,7 +106,7 @@ def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
-@pytest.mark.parametrize("name", ["stage", "seconds", "incumbent_level"])
+@pytest.mark.parametrize("name", ["stage", "seconds", "incumbent_origin"])
 @pytest.mark.parametrize("value", [None, "soon"])
 def test_a_checkpoint_of_another_version_is_refused(pendulum, small, quick, tmp_path, name, value):
     config = dataclasses.replace(quick, adam_steps=2)

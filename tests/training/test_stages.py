@@ -16,6 +16,7 @@ from symoden.training._gauss_newton import Linearization
 from symoden.training._relevance import Relevance
 from symoden.training._stages import AdamStage, LevenbergStage
 from symoden.training._state import Incumbent, TrainingState
+from symoden.training._weighing import Weighing
 
 
 @pytest.fixture
@@ -30,12 +31,12 @@ def stage(pendulum, small, quick):
         memory=None,
         damping=1e-4,
         substeps=1,
-        level=1.0,
+        weighing=Weighing.plain(3),
         best=model,
         best_loss=1.0,
         origin=0,
         stale=0,
-        incumbent=Incumbent(model, None, 0),
+        incumbent=Incumbent(model, None, 0, Weighing.plain(3)),
     )
     return LevenbergStage(data, quick), state
 

@@ -16,12 +16,10 @@ _NUMBERS = {
     "step": int,
     "damping": float,
     "substeps": int,
-    "level": float,
     "best_loss": float,
     "origin": int,
     "stale": int,
 }
-_INCUMBENT = {"origin": int, "level": float}
 
 
 def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None:
@@ -37,8 +35,7 @@ def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None
     """
     leaves = [leaf for leaf in jax.tree.leaves(state) if eqx.is_array(leaf)]
     plain = {name: repr(getattr(state, name)) for name in _NUMBERS}
-    plain |= {f"incumbent_{name}": repr(getattr(state.incumbent, name)) for name in _INCUMBENT}
-    plain["seconds"] = repr(seconds)
+    plain |= {"incumbent_origin": repr(state.incumbent.origin), "seconds": repr(seconds)}
     save_arrays(path, {f"{i:04d}": np.asarray(leaf) for i, leaf in enumerate(leaves)}, plain)
 
 
@@ -80,11 +77,8 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
         raise StorageError(_foreign(path))
     restored = iter(saved)
     state = structure.unflatten([jnp.asarray(next(restored)) if eqx.is_array(leaf) else leaf for leaf in leaves])
-    incumbent = _numbers(path, plain, {f"incumbent_{name}": kind for name, kind in _INCUMBENT.items()})
-    return state._replace(
-        **_numbers(path, plain, _NUMBERS),
-        incumbent=state.incumbent._replace(**{name: incumbent[f"incumbent_{name}"] for name in _INCUMBENT}),
-    )
+    origin = _numbers(path, plain, {"incumbent_origin": int})["incumbent_origin"]
+    return state._replace(**_numbers(path, plain, _NUMBERS), incumbent=state.incumbent._replace(origin=origin))
 
 
 def _numbers(path: Path, plain: dict, kinds: dict[str, type]) -> dict:

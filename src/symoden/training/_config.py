@@ -26,7 +26,7 @@ class TrainingConfig:
         scaled_loss: Weigh each channel by the spread of its change over a window; the paper weighs all alike.
         lm_steps: Largest number of Levenberg-Marquardt steps; 0 leaves the phase out.
         lm_horizon: Steps that Levenberg-Marquardt predicts; chosen from the data's time scale if None, and at the end
-            doubled twice where validation gains by more than its standard error.
+            doubled twice, unless validation speaks against it by more than two standard errors.
         lm_substeps: RK4 steps in each sampling interval then; chosen by their error if None.
         lm_samples: Most samples that it predicts in a step; of long logs, windows that are spaced evenly hold so many.
         damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
@@ -34,11 +34,12 @@ class TrainingConfig:
             learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
         growth_steps: Further steps in which dry and quadratic friction is free, and as many again with the priors that
-            were learned, with the blocks' networks free, and in longer windows; kept if validation gains by more than
-            its standard error, networks if by more than two. Networks stay closed where more than 4000 numbers would be
+            were learned and with the blocks' networks free; kept if validation gains by more than its standard error,
+            those after friction if by more than two. Networks stay closed where more than 4000 numbers would be
             free with them, as on arms of four joints and more.
-        relevance_steps: Steps between the two in which every group of parameters learns a prior of its own, so that
-            noisy data use no more parameters than they determine; kept unless validation speaks against it.
+        relevance_steps: Steps after friction, and again in longer windows, in which every group of parameters learns a
+            prior of its own, so that noisy data use no more parameters than they determine; kept unless validation
+            speaks against it.
     """
 
     seed: int = 0

@@ -299,7 +299,7 @@ class _Member:
                 self.restore,
                 self.windows,
                 substeps=final.substeps,
-                level=final.level,
+                weighing=final.weighing,
                 priors=priors,
                 mean=mean,
             )
@@ -339,4 +339,4 @@ class _Member:
     def _loss(self, theta: Float[np.ndarray, " P"], windows: Batch) -> float:
         model = self.restore(jnp.asarray(theta))
         final = self.pattern.state
-        return evaluate_loss(model, self.pattern.stage.objective(final.substeps, final.level), windows)
+        return evaluate_loss(model, self.pattern.stage.objective(final.substeps, final.weighing), windows)

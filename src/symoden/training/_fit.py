@@ -26,6 +26,7 @@ from ._run import MODEL, Journal, Progress, Stopwatch, run
 from ._scales import measure_scales, states
 from ._stages import AbstractStage, AdamStage, Data, LevenbergStage
 from ._state import Incumbent, TrainingState
+from ._weighing import Weighing
 
 _LOST = 1e3  # Loss relative to the motion, beyond which a model predicts nothing.
 
@@ -181,6 +182,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         if free:
             stages.append(LevenbergStage(data, config))
         stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
+    weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
     state = TrainingState(
         stage=0,
         step=0,
@@ -188,12 +190,12 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         memory=None,
         damping=config.damping,
         substeps=config.lm_substeps or 1,
-        level=math.inf,
+        weighing=weighing,
         best=dynamics,
         best_loss=math.inf,
         origin=0,
         stale=0,
-        incumbent=Incumbent(dynamics, None, 0),
+        incumbent=Incumbent(dynamics, None, 0, weighing),
     )
     return stages, state
 
@@ -244,7 +246,8 @@ def _further(
 
     Priors are learned beside errors that are then gone: a refit follows, in which the priors fade with the loss.
 
-    At last come longer windows, for all but the networks: short ones would undo what these find.
+    At last come longer windows, for all but the networks: short ones would undo what these find. Priors are learned
+    anew there, since what is narrow does not widen.
 
     Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
     narrowed.
@@ -261,12 +264,15 @@ def _further(
     stages = [LevenbergStage(data, config, corrections=rung) for rung in freed]
     low = [rung for rung in freed if rung < RUNGS]
     judged = max(low, default=0)
-    if config.relevance_steps and 0 < counts[judged] <= MOST_PARAMETERS:
+    learns = config.relevance_steps > 0 and 0 < counts[judged] <= MOST_PARAMETERS
+    if learns:
         learned = LevenbergStage(data, config, corrections=judged, relevance=True)
         refit = [dataclasses.replace(learned, relevance=False, refit=True)] if config.growth_steps else []
         stages[len(low) : len(low)] = [learned, *refit]
     if config.growth_steps:
-        stages.extend(LevenbergStage(each, config, corrections=judged, longer=True) for each in longer)
+        stages.extend(
+            LevenbergStage(each, config, corrections=judged, relevance=learns, longer=True) for each in longer
+        )
     return stages
 
 

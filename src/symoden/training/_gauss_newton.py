@@ -115,7 +115,7 @@ def linearize(
     residuals = objective.compare(dynamics, jax.vmap(dynamics.observe)(states), window)
     rows = objective.row_weights(window.ts.shape[0]).astype(theta.dtype)
     jacobian = by_state @ sensitivities + _padded(by_theta, freed.shape[1])
-    jacobian = (rows[:, :, None] * jacobian[-len(rows) :]).reshape(residuals.size, -1)
+    jacobian = objective.whitened(rows[:, :, None] * jacobian[-len(rows) :]).reshape(residuals.size, -1)
     if objective.frees_starts:
         jacobian = project_out(jacobian[:, theta.size :], jacobian[:, : theta.size])
     return residuals.ravel(), jacobian

@@ -19,7 +19,7 @@ from ._config import TrainingConfig
 from ._data import hold_out, levenberg_data
 from ._flatten import Flattening, cast
 from ._gauss_newton import MOST_PARAMETERS, Linearization
-from ._level import LEAST_WINDOWS, expected_level
+from ._level import LEAST_WINDOWS, expected_level, weigh
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss
 
@@ -122,8 +122,8 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
                 f"{'is' if windows == 1 else 'are'} {windows}. Record longer."
             )
         solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
-        level = expected_level(restore, theta, data.objective, solver, data.train)
-        objective = data.objective.refined(solver, level)
+        where = restore, theta, data.objective, solver, data.train
+        objective = data.objective.refined(solver, weigh(*where, expected_level(*where)))
         equations = Linearization.at(restore, theta, objective, data.train).normal_equations()
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)
     factor, effective = _sandwich(

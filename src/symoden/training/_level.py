@@ -1,8 +1,9 @@
-"""What one independent residual would vary by: noise, and what a model leaves open."""
+"""What errors count: how far residuals are independent, and of what noise or the model has made them."""
 
 import math
 from typing import Final
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -12,6 +13,8 @@ from symoden.spaces import Space
 from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import Batch, Objective
+from ._residuals import evaluate_residuals
+from ._weighing import Weighing, fit_whitening
 
 LEAST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
 _LARGEST: Final = 1e100  # Residual whose square is a number.
@@ -34,6 +37,42 @@ def independent_variance(equations: NormalEquations) -> float:
     scores = float(np.sum(inverse * equations.spread) - total @ inverse @ total / windows) * windows / (windows - 1)
     effect = max(1.0, scores / (size * fitted * loss))
     return effect * loss / max(_LEAST_FREEDOM, 1 - fitted * effect / size)
+
+
+def weigh(
+    restore: Flattening,
+    theta: Parameters,
+    objective: Objective,
+    solver: AbstractSolver,
+    batch: Batch,
+    level: float,
+) -> Weighing:
+    """Find what the errors of a model count that has nothing more to learn but priors.
+
+    Where noise is what most of them are made of, starts are estimated and errors are independent. Else starts are as
+    measured, and errors are what the model leaves open, which adds up along a rollout.
+
+    Args:
+        restore: Makes the dynamics from flat parameters.
+        theta: Flat parameters.
+        objective: How rollouts are compared with windows.
+        solver: Advances the state between samples.
+        batch: Windows.
+        level: Root of the variance that an independent residual is expected to have.
+
+    Returns:
+        The weighing.
+    """
+    weighing = Weighing.plain(objective.weights.size, level)
+    if batch.ts.shape[0] < LEAST_WINDOWS:
+        return weighing
+    if math.isinf(level):
+        residuals = evaluate_residuals(restore(theta), objective.refined(solver, weighing), batch)
+        weighing = weighing._replace(whitening=fit_whitening(np.asarray(residuals, float)))
+    equations = Linearization.at(restore, theta, objective.refined(solver, weighing), batch).normal_equations()
+    if not _is_sound(equations):
+        return weighing
+    return weighing._replace(effect=jnp.asarray(independent_variance(equations) / equations.loss, float))
 
 
 def expected_level(
@@ -60,16 +99,20 @@ def expected_level(
     """
     if objective.noise is None or batch.ts.shape[0] < LEAST_WINDOWS:
         return math.inf
-    model, free = restore(theta), objective.refined(solver, 0.0)
+    model, free = restore(theta), objective.refined(solver, Weighing.plain(objective.weights.size, 0.0))
     with np.errstate(over="ignore", invalid="ignore"):
         equations = Linearization.at(restore, theta, free, batch).normal_equations()
-    # Not so where a rollout diverges, or nothing that is open changes anything.
-    sound = np.isfinite(equations.matrix).all() and np.abs(equations.residuals).max() < _LARGEST
-    if not sound or not equations.loss or not np.trace(equations.matrix) > 0:
+    if not _is_sound(equations):
         return math.inf
     level = math.sqrt(independent_variance(equations))
     sensors = float(np.max(objective.weights * _seen(model.space, objective.noise, batch)))
     return level if level < math.sqrt(batch.ts.shape[1] - 1) * sensors else math.inf
+
+
+def _is_sound(equations: NormalEquations) -> bool:
+    """Not so where a rollout diverges, or nothing that is open changes anything."""
+    finite = np.isfinite(equations.matrix).all() and np.abs(equations.residuals).max() < _LARGEST
+    return bool(finite and equations.loss and np.trace(equations.matrix) > 0)
 
 
 def _seen(space: Space, noise: Float[Array, " o"], batch: Batch) -> Float[np.ndarray, " o"]:

@@ -28,11 +28,13 @@ class Prior(NamedTuple):
         precision: λ of every parameter, or of each.
         mean: θ₀, likewise.
         variance: σ² of the residuals that it is weighed against; as it is before the step if None.
+        effect: How many of them count as one, where σ² is not given.
     """
 
     precision: float | Float[np.ndarray, " P"] = 0.0
     mean: float | Float[np.ndarray, " P"] = 0.0
     variance: float | None = None
+    effect: float = 1.0
 
 
 class LevenbergState(NamedTuple):
@@ -104,7 +106,7 @@ def levenberg_marquardt_step(
         equations = about.normal_equations()
     if pin is not None:
         equations = equations.pinned(pin)
-    variance = equations.loss if prior.variance is None else prior.variance
+    variance = prior.effect * equations.loss if prior.variance is None else prior.variance
     ridge = np.full(state.theta.size, prior.precision * variance)
     ridge /= equations.residuals.size
     theta = np.asarray(state.theta, float)

@@ -16,6 +16,8 @@ from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
 from symoden.spaces import Space
 
+from ._weighing import Weighing, Whitening
+
 _MOST_TRUST = 1e3  # In a sensor, against the residuals.
 _RESTING = 1e-3  # Share of the largest change that one counts as at least.
 
@@ -61,6 +63,8 @@ class Objective(eqx.Module):
             noise in the first sample does not bias the model. None where they start from the measured ones.
         level: Root of the variance that an independent residual is expected to have, of noise and of what the model
             leaves open. A start may leave its measurement only as far as the sensor's noise explains.
+        whitening: Takes from errors what those before them tell, where starts are not free; None leaves them as they
+            are.
     """
 
     weights: Float[Array, " o"]
@@ -69,22 +73,21 @@ class Objective(eqx.Module):
     unroll: bool = eqx.field(static=True, default=False)
     noise: Float[Array, " o"] | None = None
     level: Float[Array, ""] | None = None
+    whitening: Whitening | None = None
 
-    def refined(self, solver: AbstractSolver, level: float) -> "Objective":
+    def refined(self, solver: AbstractSolver, weighing: Weighing) -> "Objective":
         """The same for second-order training.
 
         Args:
             solver: Advances the state between samples.
-            level: Root of the variance that an independent residual is expected to have; infinite to start from the
-                measured states.
+            weighing: What errors count, among each other and beside the sensors.
 
         Returns:
             The objective.
         """
-        if self.noise is None or math.isinf(level):
-            return Objective(self.weights, solver, self.hold)
-        level_ = jnp.asarray(level, self.noise.dtype)
-        return Objective(self.weights, solver, self.hold, noise=self.noise, level=level_)
+        if self.noise is None or math.isinf(weighing.level):
+            return Objective(self.weights, solver, self.hold, whitening=weighing.whitening)
+        return Objective(self.weights, solver, self.hold, noise=self.noise, level=weighing.level)
 
     @property
     def frees_starts(self) -> bool:
@@ -120,7 +123,18 @@ class Objective(eqx.Module):
         """
         measured = jnp.concatenate([jax.vmap(dynamics.space.embed)(window.q), window.rates], axis=1)
         rows = self.row_weights(window.ts.shape[0]).astype(measured.dtype)
-        return rows * (observations - measured)[-len(rows) :]
+        return self.whitened(rows * (observations - measured)[-len(rows) :])
+
+    def whitened(self, errors: Float[Array, "k o *P"]) -> Float[Array, "k o *P"]:
+        """What counts of the weighted errors of one window, or of their derivatives.
+
+        Args:
+            errors: Sample by sample.
+
+        Returns:
+            As many.
+        """
+        return errors if self.whitening is None else self.whitening(errors)
 
     def row_weights(self, samples: int) -> Float[Array, "k o"]:
         """Factor on the error of every sample's channels.

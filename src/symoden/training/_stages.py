@@ -19,12 +19,13 @@ from symoden.mechanics import AbstractDynamics
 from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
-from ._level import expected_level
+from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
 from ._objective import Batch, Objective
 from ._relevance import Relevance, free_scale
 from ._residuals import evaluate_loss, evaluate_residuals, integration_error
 from ._state import Incumbent, Report, TrainingState
+from ._weighing import Weighing
 
 DIVERGED = "diverged; the best model before was kept"
 
@@ -34,7 +35,7 @@ EXPLAINED = 1e-6  # Mean squared residual, relative to the motion, below which n
 EXACT = 1e-11  # The same below which no measurement could tell the model from the truth.
 _STATES = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _SETTLED = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
-_NETWORKS = 2  # Standard errors that networks must gain: they are many numbers, and extrapolate badly.
+_CLEAR = 2.0  # Standard errors that decide what is asked last: ask often enough, and chance says yes.
 STALLED = 1e-3  # Relative decrease of the loss in a step that counts as none.
 
 
@@ -138,7 +139,7 @@ class AdamStage(AbstractStage):
         lean = without_silent(model)
         memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=0)))
         best = cast(state.best, dtype)
-        incumbent = Incumbent(best, None, state.origin)
+        incumbent = Incumbent(best, None, state.origin, state.weighing)
         return state._replace(step=0, model=model, best=best, incumbent=incumbent, memory=memory)
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
@@ -184,8 +185,7 @@ class LevenbergStage(AbstractStage):
             skipped where nothing is left to explain.
         relevance: Learn the priors too. What comes of it is kept unless validation speaks against it.
         refit: What is free was free before, and priors were learned. Now they fade with the loss.
-        longer: These are longer windows than those before; priors are as wide as at first, and what comes of it is kept
-            if it gains as much as corrections must.
+        longer: These are longer windows than those before; priors are as wide as at first.
     """
 
     data: Data
@@ -216,8 +216,13 @@ class LevenbergStage(AbstractStage):
         best = cast(state.best, self.data.train.q.dtype)
         restore, theta = Flattening.of(best, corrections=self.corrections, dtype=self.data.train.q.dtype)
         solver = RK4(jnp.asarray(state.substeps))
-        level = expected_level(restore, theta, self.data.objective, solver, self.data.train)
-        loss = evaluate_loss(best, self.objective(state.substeps, level), self._judged)
+        where = restore, theta, self.data.objective, solver, self.data.train
+        level = expected_level(*where)
+        weighing = Weighing.plain(self.data.objective.weights.size, level)
+        loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
+        if self._is_late and not self._is_below(EXPLAINED, loss):
+            weighing = weigh(*where, level)
+            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
         # Longer windows tell of parameters that shorter ones do not, and whose priors were narrowed.
         fresh = Relevance.start(best, self.config.prior)
         known = state.memory if isinstance(state.memory, Relevance) else fresh
@@ -225,9 +230,9 @@ class LevenbergStage(AbstractStage):
         return state._replace(
             step=0,
             model=best,
-            level=level,
+            weighing=weighing,
             best=best,
-            incumbent=Incumbent(best, known, state.origin, state.level),
+            incumbent=Incumbent(best, known, state.origin, state.weighing),
             best_loss=loss,
             origin=state.stage,
             memory=priors,
@@ -237,17 +242,17 @@ class LevenbergStage(AbstractStage):
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
-        if state.step == 0 and self._is_optional and self._is_below(EXPLAINED, state):
+        if state.step == 0 and self._is_optional and self._is_below(EXPLAINED, state.best_loss):
             report = Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
             return self._defended(state, kept=False), report
         substeps = self._refined(state)
-        objective = self.objective(substeps, state.level)
+        objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
             state = state._replace(best_loss=evaluate_loss(state.best, objective, self._judged))
         restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
         before = LevenbergState(theta, state.damping)
         after, step = self.step(
-            before, restore, self.data.train, substeps=substeps, level=state.level, priors=state.memory
+            before, restore, self.data.train, substeps=substeps, weighing=state.weighing, priors=state.memory
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
@@ -266,7 +271,7 @@ class LevenbergStage(AbstractStage):
         ended, outcome = self._ended(state)
         if ended and self._is_optional and self.data.validation is not None:
             gain = -self.data.compare(state.best, state.incumbent.model, objective)
-            state = self._defended(state, kept=gain > (_NETWORKS if self.corrections == RUNGS else 1))
+            state = self._defended(state, kept=gain > self._doubt)
         return state, Report(step.after, validation, ended, outcome)
 
     def step(
@@ -276,7 +281,7 @@ class LevenbergStage(AbstractStage):
         batch: Batch,
         *,
         substeps: int,
-        level: float,
+        weighing: Weighing,
         priors: Relevance,
         mean: float | Float[np.ndarray, " P"] = 0.0,
     ) -> tuple[LevenbergState, LevenbergStep]:
@@ -287,7 +292,7 @@ class LevenbergStage(AbstractStage):
             restore: Makes the model from flat parameters, those up to this stage's rung.
             batch: Windows to fit.
             substeps: RK4 steps in each sampling interval.
-            level: Root of the variance that an independent residual is expected to have.
+            weighing: What errors count.
             priors: Priors of the parameters.
             mean: Their mean.
 
@@ -299,12 +304,13 @@ class LevenbergStage(AbstractStage):
         return levenberg_marquardt_step(
             state,
             restore,
-            self.objective(substeps, level),
+            self.objective(substeps, weighing),
             batch,
             prior=Prior(
                 priors.precisions(model, self.corrections),
                 mean,
                 float(priors.variance) or None if self.relevance else None,  # Else it fades with the loss.
+                float(weighing.effect),
             ),
             pin=pin,
         )
@@ -321,21 +327,22 @@ class LevenbergStage(AbstractStage):
         state = state._replace(memory=priors, stale=state.stale + 1 if abs(change) < _SETTLED else 0)
         ended, outcome = self._ended(state)
         if ended:
-            worse = self.data.compare(state.model, state.incumbent.model, self.objective(state.substeps, state.level))
-            state = self._defended(state._replace(best=state.model, best_loss=judged), kept=worse <= 1)
+            objective = self.objective(state.substeps, state.weighing)
+            worse = self.data.compare(state.model, state.incumbent.model, objective)
+            state = self._defended(state._replace(best=state.model, best_loss=judged), kept=worse <= self._doubt)
         return state, ended, outcome
 
     def _defended(self, state: TrainingState, *, kept: bool) -> TrainingState:
         """State at the end of the stage: as it is, or as it was before."""
         if kept:
             return state
-        best, memory, origin, level = state.incumbent
-        loss = evaluate_loss(best, self.objective(state.substeps, state.level), self._judged)
-        return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, level=level)
+        best, memory, origin, weighing = state.incumbent
+        loss = evaluate_loss(best, self.objective(state.substeps, state.weighing), self._judged)
+        return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, weighing=weighing)
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
         """Whether the stage is over, and why."""
-        if self._is_below(self._enough, state):
+        if self._is_below(self._enough, state.best_loss):
             return True, "nothing left to explain"
         if state.stale >= self.config.patience:
             return True, "converged"
@@ -357,30 +364,40 @@ class LevenbergStage(AbstractStage):
         """Whether there is nothing to do where nothing is left to explain."""
         return bool(self.corrections) or self.relevance or self.refit or self.longer
 
-    def _is_below(self, bound: float, state: TrainingState) -> bool:
-        """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
-        return self.config.scaled_loss and state.best_loss < bound
+    @property
+    def _doubt(self) -> float:
+        """Standard errors of a difference in validation that may be chance."""
+        return _CLEAR if self.refit or self.longer or self.corrections == RUNGS else 1.0
 
-    def objective(self, substeps: int, level: float) -> Objective:
+    @property
+    def _is_late(self) -> bool:
+        """Whether friction was learned before: until then it is what errors are made of."""
+        return self.relevance or self.refit or self.longer or self.corrections == RUNGS
+
+    def _is_below(self, bound: float, loss: float) -> bool:
+        """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
+        return self.config.scaled_loss and loss < bound
+
+    def objective(self, substeps: int, weighing: Weighing) -> Objective:
         """How rollouts are compared with windows.
 
         Args:
             substeps: RK4 steps in each sampling interval.
-            level: Root of the variance that an independent residual is expected to have.
+            weighing: What errors count.
 
         Returns:
             The objective.
         """
         # A number of substeps that is an array needs no new compilation when it changes.
-        return self.data.objective.refined(RK4(jnp.asarray(substeps)), level)
+        return self.data.objective.refined(RK4(jnp.asarray(substeps)), weighing)
 
     def _refined(self, state: TrainingState) -> int:
         """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""
         if self.config.lm_substeps is not None:
             return self.config.lm_substeps
-        coarse = self.objective(state.substeps, state.level)
+        coarse = self.objective(state.substeps, state.weighing)
         sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
-        error = integration_error(state.model, coarse, self.objective(2 * state.substeps, state.level), sample)
+        error = integration_error(state.model, coarse, self.objective(2 * state.substeps, state.weighing), sample)
         loss = evaluate_loss(state.model, coarse, sample)
         fine = math.isfinite(loss) and error <= 0.01 * loss
         finer = not fine and state.substeps < _MOST_SUBSTEPS

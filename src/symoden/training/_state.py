@@ -1,11 +1,12 @@
 """What training remembers from step to step, and what it says of each."""
 
-import math
 from typing import NamedTuple
 
 from jaxtyping import PyTree
 
 from symoden.mechanics import AbstractDynamics
+
+from ._weighing import Weighing
 
 
 class Incumbent(NamedTuple):
@@ -15,13 +16,13 @@ class Incumbent(NamedTuple):
         model: The best model before.
         memory: What was remembered then.
         origin: Index of the stage that it came from.
-        level: The level of that stage.
+        weighing: What errors counted in that stage.
     """
 
     model: AbstractDynamics
     memory: PyTree
     origin: int
-    level: float = math.inf
+    weighing: Weighing
 
 
 class TrainingState(NamedTuple):
@@ -34,7 +35,7 @@ class TrainingState(NamedTuple):
         memory: What the stage remembers from step to step: Adam's moments, learned priors, or None.
         damping: Levenberg-Marquardt's damping.
         substeps: RK4 steps in each sampling interval in Levenberg-Marquardt.
-        level: Root of the variance that an independent residual is expected to have; infinite where it does not matter.
+        weighing: What errors count.
         best: The best model, by its validation loss.
         best_loss: That loss.
         origin: Index of the stage that the best model came from.
@@ -48,7 +49,7 @@ class TrainingState(NamedTuple):
     memory: PyTree
     damping: float
     substeps: int
-    level: float
+    weighing: Weighing
     best: AbstractDynamics
     best_loss: float
     origin: int

@@ -1,0 +1,126 @@
+"""What an error counts: as what is new in it, where the errors before it tell the rest."""
+
+import math
+from typing import Final, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+_ORDER: Final = 2  # Lags: mechanisms are of second order, and so is what a force that is not modelled does to them.
+_RIDGE: Final = 1e-6  # Relative to the mean square.
+_FLOOR: Final = 1e-4  # Of a channel's innovations, relative to their mean variance: what is exact has no weight alone.
+_LARGEST: Final = 1e100  # Error whose square is a number.
+_SAMPLES: Final = 10  # For each coefficient of an autoregression, or none is fitted.
+
+
+class Whitening(NamedTuple):
+    """Makes independent errors of unlike size out of those of a rollout, which follow each other.
+
+    With the lags A₁ … A_p of a vector autoregression and a scale W, an error e_k becomes W (e_k − Σⱼ Aⱼ e_{k−j}), those
+    before the first sample being zero: its innovation, in units in which all channels vary alike.
+
+    Attributes:
+        lags: A₁ … A_p.
+        scale: W.
+    """
+
+    lags: Float[Array, "p o o"]
+    scale: Float[Array, "o o"]
+
+    @classmethod
+    def none(cls, channels: int) -> "Whitening":
+        """The one that changes nothing.
+
+        Args:
+            channels: Number of channels.
+
+        Returns:
+            No lags, and a scale of one.
+        """
+        return cls(jnp.zeros((_ORDER, channels, channels), float), jnp.eye(channels, dtype=float))
+
+    def __call__(self, errors: Float[Array, "k o *P"]) -> Float[Array, "k o *P"]:
+        """Innovations of the errors of one window, or of their derivatives.
+
+        Args:
+            errors: Sample by sample.
+
+        Returns:
+            As many.
+        """
+        order, samples = len(self.lags), len(errors)
+        padded = jnp.pad(errors, [(order, 0), *[(0, 0)] * (errors.ndim - 1)])
+        before = jnp.stack([padded[order - j : order - j + samples] for j in range(1, order + 1)])
+        news = errors - jnp.einsum("jab,jkb...->ka...", self.lags, before)
+        return jnp.einsum("ab,kb...->ka...", self.scale, news)
+
+
+class Weighing(NamedTuple):
+    """What errors count, among each other and beside the sensors.
+
+    Attributes:
+        level: Root of the variance that an independent residual is expected to have; infinite where windows start from
+            the measured states.
+        whitening: What is new in an error; where starts are estimated, all of it is.
+        effect: How many residuals count as one beside priors: what the whitening has left of their likeness.
+    """
+
+    level: Float[Array, ""]
+    whitening: Whitening
+    effect: Float[Array, ""]
+
+    @classmethod
+    def plain(cls, channels: int, level: float = math.inf) -> "Weighing":
+        """All errors count alike.
+
+        Args:
+            channels: Number of channels.
+            level: See above.
+
+        Returns:
+            The weighing.
+        """
+        return cls(jnp.asarray(level, float), Whitening.none(channels), jnp.ones((), float))
+
+
+def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
+    """Fit an autoregression to the residuals of windows, by least squares over all of them.
+
+    What a force that no model has does to a rollout adds up: its errors grow, and those of late samples are alike.
+    Ordinary least squares takes them for so many measurements and fits what is largest; generalised least squares
+    weighs them by what they tell, and has the least variance.
+
+    The scale leaves the mean square as it is.
+
+    Args:
+        residuals: Of every window.
+
+    Returns:
+        The whitening; one that changes nothing where residuals are too few, all zero or not finite.
+
+    References:
+        Aitken (1935), *On least squares and linear combinations of observations*; Cochrane & Orcutt (1949),
+        *Application of least squares regression to relationships containing auto-correlated error terms*; Ljung
+        (1999), *System identification*, chapter 7: models of the noise.
+    """
+    windows, samples, channels = residuals.shape
+    enough = windows * samples >= _SAMPLES * _ORDER * channels
+    if not enough or not np.abs(residuals).max() < _LARGEST:
+        return Whitening.none(channels)
+    square = float(np.mean(residuals**2))
+    if not square > np.finfo(float).tiny:
+        return Whitening.none(channels)
+    errors = residuals / math.sqrt(square)
+    padded = np.pad(errors, ((0, 0), (_ORDER, 0), (0, 0)))
+    before = [padded[:, _ORDER - j : _ORDER - j + samples] for j in range(1, _ORDER + 1)]
+    regressors, targets = np.concatenate(before, axis=2).reshape(-1, _ORDER * channels), errors.reshape(-1, channels)
+    squares = regressors.T @ regressors
+    ridge = _RIDGE * np.trace(squares) / len(squares) * np.eye(len(squares))
+    coefficients = np.linalg.solve(squares + ridge, regressors.T @ targets)
+    news = targets - regressors @ coefficients
+    covariance = news.T @ news / len(news)
+    covariance += _FLOOR * np.trace(covariance) / channels * np.eye(channels)
+    scale = np.linalg.inv(np.linalg.cholesky(covariance))
+    lags = np.swapaxes(coefficients.reshape(_ORDER, channels, channels), 1, 2)
+    return Whitening(jnp.asarray(lags, float), jnp.asarray(scale, float))
