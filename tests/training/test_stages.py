@@ -75,8 +75,10 @@ def test_no_block_grows_where_the_rest_explains_the_motion(stage):
         (RUNGS, {}, -1.9, False),
         (1, {"relevance": True}, 0.9, True),
         (1, {"relevance": True}, 1.1, False),
-        (0, {"refit": True}, -1.1, True),
-        (0, {"refit": True}, -0.9, False),
+        (0, {"refit": True}, -2.1, True),
+        (0, {"refit": True}, -1.9, False),
+        (1, {"relevance": True, "longer": True}, 1.9, True),
+        (1, {"relevance": True, "longer": True}, 2.1, False),
     ],
 )
 def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_against_it(
@@ -94,6 +96,26 @@ def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_agains
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
     assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)
     assert (float(after.memory.variance) > 0) == ("relevance" in kind and kept)
+
+
+@pytest.mark.parametrize(
+    ("kind", "late"),
+    [
+        ({}, False),
+        ({"corrections": 1}, False),
+        ({"relevance": True}, True),
+        ({"refit": True}, True),
+        ({"corrections": RUNGS}, True),
+        ({"longer": True}, True),
+    ],
+)
+def test_errors_are_weighed_by_what_is_new_in_them_once_friction_was_learned(stage, kind, late, monkeypatch):
+    stage, state = stage
+    scale = dataclasses.replace(stage, **kind).start(state).weighing.whitening.scale
+    assert late == (not np.array_equal(scale, np.eye(3)))
+    monkeypatch.setattr(_stages, "EXPLAINED", 1e9)  # As where a model is exact, and errors are rounding.
+    scale = dataclasses.replace(stage, **kind).start(state).weighing.whitening.scale
+    assert np.array_equal(scale, np.eye(3))
 
 
 def test_what_was_best_is_judged_anew_where_integration_is_refined(stage, monkeypatch):
@@ -198,7 +220,7 @@ def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):
 
 def test_models_are_compared_window_against_window(stage):
     stage, state = stage
-    objective = stage.objective(1, 1.0)
+    objective = stage.objective(1, Weighing.plain(3))
     data = stage.data._replace(validation=stage.data.train)
     worse = jax.tree.map(lambda x: 1.5 * x if eqx.is_inexact_array(x) else x, state.model)
     assert data.compare(state.model, state.model, objective) == 0
