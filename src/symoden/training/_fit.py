@@ -244,13 +244,11 @@ def _further(
 ) -> list[LevenbergStage]:
     """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks.
 
-    Priors are learned beside errors that are then gone: a refit follows, in which the priors fade with the loss.
-
-    At last come longer windows, for all but the networks: short ones would undo what these find. Priors are learned
-    anew there, since what is narrow does not widen.
-
     Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
-    narrowed.
+    narrowed. In longer windows they are learned anew, since what is narrow does not widen. Errors that they were
+    learned beside are then gone: a refit follows, in which they fade with the loss.
+
+    What comes after longer windows goes by the longest: short ones would undo what these find.
 
     More than `MOST_PARAMETERS` are too many: networks then stay closed, and priors as wide as they are.
 
@@ -261,18 +259,19 @@ def _further(
     freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
     if counts[RUNGS] > MOST_PARAMETERS:
         freed = [rung for rung in freed if rung < RUNGS]
-    stages = [LevenbergStage(data, config, corrections=rung) for rung in freed]
     low = [rung for rung in freed if rung < RUNGS]
+    stages = [LevenbergStage(data, config, corrections=rung) for rung in low]
     judged = max(low, default=0)
     learns = config.relevance_steps > 0 and 0 < counts[judged] <= MOST_PARAMETERS
     if learns:
-        learned = LevenbergStage(data, config, corrections=judged, relevance=True)
-        refit = [dataclasses.replace(learned, relevance=False, refit=True)] if config.growth_steps else []
-        stages[len(low) : len(low)] = [learned, *refit]
+        stages.append(LevenbergStage(data, config, corrections=judged, relevance=True))
     if config.growth_steps:
-        stages.extend(
-            LevenbergStage(each, config, corrections=judged, relevance=learns, longer=True) for each in longer
-        )
+        long = LevenbergStage(data, config, corrections=judged, relevance=learns, longer=True)
+        stages.extend(dataclasses.replace(long, data=each) for each in longer)
+        longest = longer[-1] if longer else data
+        if learns:
+            stages.append(LevenbergStage(longest, config, corrections=judged, refit=True))
+        stages.extend(LevenbergStage(longest, config, corrections=rung) for rung in freed if rung == RUNGS)
     return stages
 
 
