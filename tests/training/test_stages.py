@@ -105,11 +105,11 @@ def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_agains
         ({"corrections": 1}, False),
         ({"relevance": True}, True),
         ({"refit": True}, True),
-        ({"corrections": RUNGS}, True),
+        ({"corrections": RUNGS}, False),
         ({"longer": True}, True),
     ],
 )
-def test_errors_are_weighed_by_what_is_new_in_them_once_friction_was_learned(stage, kind, late, monkeypatch):
+def test_errors_are_weighed_by_what_is_new_in_them_where_nothing_is_set_free(stage, kind, late, monkeypatch):
     stage, state = stage
     scale = dataclasses.replace(stage, **kind).start(state).weighing.whitening.scale
     assert late == (not np.array_equal(scale, np.eye(3)))

@@ -220,7 +220,8 @@ class LevenbergStage(AbstractStage):
         level = expected_level(*where)
         weighing = Weighing.plain(self.data.objective.weights.size, level)
         loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
-        if self._is_late and not self._is_below(EXPLAINED, loss):
+        # What a block has not learned yet is no noise: it must count in full where friction or networks are set free.
+        if (self.relevance or self.refit or self.longer) and not self._is_below(EXPLAINED, loss):
             weighing = weigh(*where, level)
             loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
         # Longer windows tell of parameters that shorter ones do not, and whose priors were narrowed.
@@ -368,11 +369,6 @@ class LevenbergStage(AbstractStage):
     def _doubt(self) -> float:
         """Standard errors of a difference in validation that may be chance."""
         return _CLEAR if self.refit or self.longer or self.corrections == RUNGS else 1.0
-
-    @property
-    def _is_late(self) -> bool:
-        """Whether friction was learned before: until then it is what errors are made of."""
-        return self.relevance or self.refit or self.longer or self.corrections == RUNGS
 
     def _is_below(self, bound: float, loss: float) -> bool:
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
