@@ -22,6 +22,8 @@ from ._gauss_newton import MOST_PARAMETERS, Linearization
 from ._level import LEAST_WINDOWS, expected_level, weigh
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss
+from ._stages import EXPLAINED
+from ._weighing import Weighing
 
 _SUBSTEPS = 4
 _DEVIATIONS = 48  # A standard deviation from so many is 10 % right.
@@ -86,6 +88,8 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
     of the mean squared residuals on the training and on the validation data, and the r_w are scaled up to it: a model
     that follows its training data more closely than others is not more certain.
 
+    Residuals are weighed as they are while priors are learned: by what is new in them.
+
     Priors that training has learned are left out: what they narrowed to nothing counts as open again, so that bands are
     rather too wide than too narrow where the data say little.
 
@@ -123,7 +127,12 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
             )
         solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
         where = restore, theta, data.objective, solver, data.train
-        objective = data.objective.refined(solver, weigh(*where, expected_level(*where)))
+        weighing = Weighing.plain(data.objective.weights.size, expected_level(*where))
+        # As training weighs errors while it learns priors.
+        loss = evaluate_loss(model, data.objective.refined(solver, weighing), data.train)
+        if config.relevance_steps and loss >= EXPLAINED:
+            weighing = weigh(*where, float(weighing.level))
+        objective = data.objective.refined(solver, weighing)
         equations = Linearization.at(restore, theta, objective, data.train).normal_equations()
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)
     factor, effective = _sandwich(

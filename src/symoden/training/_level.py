@@ -72,7 +72,12 @@ def weigh(
     equations = Linearization.at(restore, theta, objective.refined(solver, weighing), batch).normal_equations()
     if not _is_sound(equations):
         return weighing
-    return weighing._replace(effect=jnp.asarray(independent_variance(equations) / equations.loss, float))
+    try:
+        effect = independent_variance(equations) / equations.loss
+    except np.linalg.LinAlgError:  # Rounding, where a model is nearly exact.
+        return weighing
+    # Those of a window count as one at least.
+    return weighing._replace(effect=jnp.asarray(min(effect, equations.residuals[0].size), float))
 
 
 def expected_level(

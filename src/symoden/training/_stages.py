@@ -272,7 +272,7 @@ class LevenbergStage(AbstractStage):
         ended, outcome = self._ended(state)
         if ended and self._is_optional and self.data.validation is not None:
             gain = -self.data.compare(state.best, state.incumbent.model, objective)
-            state = self._defended(state, kept=gain > self._doubt)
+            state = self._defended(state, kept=gain > (-self._doubt if self.longer else self._doubt))
         return state, Report(step.after, validation, ended, outcome)
 
     def step(

@@ -11,6 +11,7 @@ _ORDER: Final = 2  # Lags: mechanisms are of second order, and so is what a forc
 _RIDGE: Final = 1e-6  # Relative to the mean square.
 _FLOOR: Final = 1e-4  # Of a channel's innovations, relative to their mean variance: what is exact has no weight alone.
 _LARGEST: Final = 1e100  # Error whose square is a number.
+_ASTRAY: Final = 0.9  # Share of the squares that one window has if its rollout diverges.
 _SAMPLES: Final = 10  # For each coefficient of an autoregression, or none is fitted.
 
 
@@ -18,7 +19,7 @@ class Whitening(NamedTuple):
     """Makes independent errors of unlike size out of those of a rollout, which follow each other.
 
     With the lags A₁ … A_p of a vector autoregression and a scale W, an error e_k becomes W (e_k − Σⱼ Aⱼ e_{k−j}), those
-    before the first sample being zero: its innovation, in units in which all channels vary alike.
+    before the first sample being zero: its innovation, in units in which channels vary alike, but for exact ones.
 
     Attributes:
         lags: A₁ … A_p.
@@ -97,7 +98,8 @@ def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
         residuals: Of every window.
 
     Returns:
-        The whitening; one that changes nothing where residuals are too few, all zero or not finite.
+        The whitening; one that changes nothing where residuals are too few, all zero or not finite, or one window has
+        nearly all of them.
 
     References:
         Aitken (1935), *On least squares and linear combinations of observations*; Cochrane & Orcutt (1949),
@@ -105,22 +107,23 @@ def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
         (1999), *System identification*, chapter 7: models of the noise.
     """
     windows, samples, channels = residuals.shape
-    enough = windows * samples >= _SAMPLES * _ORDER * channels
+    enough = windows * (samples - _ORDER) >= _SAMPLES * _ORDER * channels
     if not enough or not np.abs(residuals).max() < _LARGEST:
         return Whitening.none(channels)
-    square = float(np.mean(residuals**2))
-    if not square > np.finfo(float).tiny:
+    squares = np.mean(residuals**2, axis=(1, 2))
+    square = float(squares.mean())
+    if not square > np.finfo(float).tiny or squares.max() > _ASTRAY * squares.sum():
         return Whitening.none(channels)
     errors = residuals / math.sqrt(square)
     padded = np.pad(errors, ((0, 0), (_ORDER, 0), (0, 0)))
     before = [padded[:, _ORDER - j : _ORDER - j + samples] for j in range(1, _ORDER + 1)]
     regressors, targets = np.concatenate(before, axis=2).reshape(-1, _ORDER * channels), errors.reshape(-1, channels)
-    squares = regressors.T @ regressors
-    ridge = _RIDGE * np.trace(squares) / len(squares) * np.eye(len(squares))
-    coefficients = np.linalg.solve(squares + ridge, regressors.T @ targets)
+    ridge = _RIDGE * len(targets) * np.eye(_ORDER * channels)
+    coefficients = np.linalg.solve(regressors.T @ regressors + ridge, regressors.T @ targets)
     news = targets - regressors @ coefficients
     covariance = news.T @ news / len(news)
-    covariance += _FLOOR * np.trace(covariance) / channels * np.eye(channels)
-    scale = np.linalg.inv(np.linalg.cholesky(covariance))
+    floor = _FLOOR * np.trace(covariance) / channels * np.eye(channels)
+    scale = np.linalg.inv(np.linalg.cholesky(covariance + floor))
+    scale *= math.sqrt(channels / np.trace(scale @ covariance @ scale.T))
     lags = np.swapaxes(coefficients.reshape(_ORDER, channels, channels), 1, 2)
     return Whitening(jnp.asarray(lags, float), jnp.asarray(scale, float))
