@@ -109,8 +109,11 @@ def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_agains
         ({"longer": True}, True),
     ],
 )
-def test_errors_are_weighed_by_what_is_new_in_them_where_nothing_is_set_free(stage, kind, late, monkeypatch):
+def test_errors_are_weighed_by_what_is_new_in_them_where_nothing_is_set_free(
+    stage, kind, late, pendulum, quick, monkeypatch
+):
     stage, state = stage
+    stage = dataclasses.replace(stage, data=_data.levenberg_data(pendulum(count=8), state.model, quick))
     scale = dataclasses.replace(stage, **kind).start(state).weighing.whitening.scale
     assert late == (not np.array_equal(scale, np.eye(3)))
     monkeypatch.setattr(_stages, "EXPLAINED", 1e9)  # As where a model is exact, and errors are rounding.
@@ -178,10 +181,13 @@ def test_longer_windows_begin_with_wide_priors_and_what_was_learned_comes_back_i
     assert {
         float(x) for x in jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(started.memory.precision)])
     } == {2.0}
-    monkeypatch.setattr(type(data), "compare", lambda *_: 0.5)
+    monkeypatch.setattr(type(data), "compare", lambda *_: 2.1)
     after, report = longer.advance(started)
     assert report.finished
     assert after.memory is learned
+    monkeypatch.setattr(type(data), "compare", lambda *_: 1.9)
+    after, report = longer.advance(started)
+    assert after.memory is started.memory
 
 
 def test_windows_are_twice_and_four_times_as_long_as_far_as_there_are_enough(pendulum, small, quick, monkeypatch):
