@@ -145,7 +145,7 @@ def pushed(pendulum, small):
 def test_sensitivities_are_whitened_as_the_residuals_are(pushed):
     model, objective, batch = pushed
     restore, theta = Flattening.of(model, corrections=RUNGS)
-    weighing = weigh(restore, theta, objective, RK4(), batch, math.inf)
+    weighing = weigh(restore, theta, objective, RK4(), batch, Weighing.plain(3))
     whitened = objective.refined(RK4(), weighing)
     window = jax.tree.map(lambda x: x[0], batch)
     r, J = linearize(restore, theta, whitened, window)
@@ -164,7 +164,7 @@ def test_sensitivities_are_whitened_as_the_residuals_are(pushed):
 def test_random_forces_make_residuals_alike_and_whitening_undoes_it(pushed):
     model, objective, batch = pushed
     restore, theta = Flattening.of(model, corrections=0)
-    weighing = weigh(restore, theta, objective, RK4(), batch, math.inf)
+    weighing = weigh(restore, theta, objective, RK4(), batch, Weighing.plain(3))
     plain = Linearization.at(restore, theta, objective.refined(RK4(), Weighing.plain(3)), batch).normal_equations()
     alike = independent_variance(plain) / plain.loss
     assert float(weighing.effect) < 0.6 * alike
@@ -175,7 +175,7 @@ def test_estimated_starts_leave_errors_as_they_are(pushed):
     model, objective, batch = pushed
     restore, theta = Flattening.of(model, corrections=0)
     noisy = dataclasses.replace(objective, noise=jnp.full(3, 0.1))
-    weighing = weigh(restore, theta, noisy, RK4(), batch, 0.3)
+    weighing = weigh(restore, theta, noisy, RK4(), batch, Weighing.plain(3, 0.3))
     assert np.array_equal(weighing.whitening.scale, np.eye(3))
     assert float(weighing.level) == 0.3
 
@@ -183,8 +183,8 @@ def test_estimated_starts_leave_errors_as_they_are(pushed):
 def test_a_handful_of_windows_or_a_model_that_diverges_tells_nothing(pushed):
     model, objective, batch = pushed
     restore, theta = Flattening.of(model, corrections=0)
-    few = weigh(restore, theta, objective, RK4(), batch.take(slice(0, 4)), math.inf)
-    lost = weigh(restore, theta, objective, RK4(), batch._replace(rates=batch.rates * 1e200), math.inf)
+    few = weigh(restore, theta, objective, RK4(), batch.take(slice(0, 4)), Weighing.plain(3))
+    lost = weigh(restore, theta, objective, RK4(), batch._replace(rates=batch.rates * 1e200), Weighing.plain(3))
     for each in (few, lost):
         assert np.array_equal(each.whitening.scale, np.eye(3))
         assert float(each.effect) == 1

@@ -208,8 +208,9 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
             break
         if dataset.validation:
             steps = min(horizon, _usual_steps(dataset.validation, horizon))
-            long = long._replace(validation=_cut(dataset.validation, steps, stride=steps, dtype=jnp.float64))
-            if long.validation is None or long.validation.ts.shape[0] == 1:  # It could not speak against them.
+            judged = _cut(dataset.validation, steps, stride=steps, dtype=jnp.float64)
+            if judged.ts.shape[0] == 1:  # It could not speak against them.
                 break
+            long = long._replace(validation=judged)
         found.append(_free_starts(_thinned(long, config.lm_samples), dataset))
     return found

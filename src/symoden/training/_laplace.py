@@ -19,9 +19,9 @@ from ._config import TrainingConfig
 from ._data import hold_out, levenberg_data
 from ._flatten import Flattening, cast
 from ._gauss_newton import MOST_PARAMETERS, Linearization
-from ._level import LEAST_WINDOWS, expected_level, weigh
+from ._level import LEAST_WINDOWS, expected_level
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
-from ._residuals import evaluate_loss
+from ._residuals import evaluate_loss, evaluate_residuals, mean_square
 from ._stages import EXPLAINED
 from ._weighing import Weighing
 
@@ -129,9 +129,9 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         where = restore, theta, data.objective, solver, data.train
         weighing = Weighing.plain(data.objective.weights.size, expected_level(*where))
         # As training weighs errors while it learns priors.
-        loss = evaluate_loss(model, data.objective.refined(solver, weighing), data.train)
-        if config.relevance_steps and loss >= EXPLAINED:
-            weighing = weigh(*where, float(weighing.level))
+        residuals = np.asarray(evaluate_residuals(model, data.objective.refined(solver, weighing), data.train), float)
+        if config.relevance_steps and mean_square(residuals) >= EXPLAINED:
+            weighing = weighing.whitened(residuals)
         objective = data.objective.refined(solver, weighing)
         equations = Linearization.at(restore, theta, objective, data.train).normal_equations()
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)

@@ -14,10 +14,9 @@ from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import Batch, Objective
 from ._residuals import evaluate_residuals
-from ._weighing import Weighing, fit_whitening
+from ._weighing import LARGEST, Weighing
 
 LEAST_WINDOWS: Final = 5  # Fewer do not tell how much they vary.
-_LARGEST: Final = 1e100  # Residual whose square is a number.
 _LEAST_FREEDOM: Final = 0.5  # Share of the independent residuals that fitting may use up at most.
 
 
@@ -45,7 +44,7 @@ def weigh(
     objective: Objective,
     solver: AbstractSolver,
     batch: Batch,
-    level: float,
+    weighing: Weighing,
 ) -> Weighing:
     """Find what the errors of a model count that has nothing more to learn but priors.
 
@@ -58,17 +57,15 @@ def weigh(
         objective: How rollouts are compared with windows.
         solver: Advances the state between samples.
         batch: Windows.
-        level: Root of the variance that an independent residual is expected to have.
+        weighing: A plain one, with the level.
 
     Returns:
         The weighing.
     """
-    weighing = Weighing.plain(objective.weights.size, level)
     if batch.ts.shape[0] < LEAST_WINDOWS:
         return weighing
-    if math.isinf(level):
-        residuals = evaluate_residuals(restore(theta), objective.refined(solver, weighing), batch)
-        weighing = weighing._replace(whitening=fit_whitening(np.asarray(residuals, float)))
+    residuals = evaluate_residuals(restore(theta), objective.refined(solver, weighing), batch)
+    weighing = weighing.whitened(np.asarray(residuals, float))
     equations = Linearization.at(restore, theta, objective.refined(solver, weighing), batch).normal_equations()
     if not _is_sound(equations):
         return weighing
@@ -116,7 +113,7 @@ def expected_level(
 
 def _is_sound(equations: NormalEquations) -> bool:
     """Not so where a rollout diverges, or nothing that is open changes anything."""
-    finite = np.isfinite(equations.matrix).all() and np.abs(equations.residuals).max() < _LARGEST
+    finite = np.isfinite(equations.matrix).all() and np.abs(equations.residuals).max() < LARGEST
     return bool(finite and equations.loss and np.trace(equations.matrix) > 0)
 
 

@@ -217,12 +217,11 @@ class LevenbergStage(AbstractStage):
         restore, theta = Flattening.of(best, corrections=self.corrections, dtype=self.data.train.q.dtype)
         solver = RK4(jnp.asarray(state.substeps))
         where = restore, theta, self.data.objective, solver, self.data.train
-        level = expected_level(*where)
-        weighing = Weighing.plain(self.data.objective.weights.size, level)
+        weighing = Weighing.plain(self.data.objective.weights.size, expected_level(*where))
         loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
         # What a block has not learned yet is no noise: it must count in full where friction or networks are set free.
         if (self.relevance or self.refit or self.longer) and not self._is_below(EXPLAINED, loss):
-            weighing = weigh(*where, level)
+            weighing = weigh(*where, weighing)
             loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
         # Longer windows tell of parameters that shorter ones do not, and whose priors were narrowed.
         fresh = Relevance.start(best, self.config.prior)

@@ -3,14 +3,16 @@
 import math
 from typing import Final, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+LARGEST: Final = 1e100  # Error whose square is a number.
+
 _ORDER: Final = 2  # Lags: mechanisms are of second order, and so is what a force that is not modelled does to them.
 _RIDGE: Final = 1e-6  # Relative to the mean square.
 _FLOOR: Final = 1e-4  # Of a channel's innovations, relative to their mean variance: what is exact has no weight alone.
-_LARGEST: Final = 1e100  # Error whose square is a number.
 _ASTRAY: Final = 0.9  # Share of the squares that one window has if its rollout diverges.
 _SAMPLES: Final = 10  # For each coefficient of an autoregression, or none is fitted.
 
@@ -50,10 +52,7 @@ class Whitening(NamedTuple):
         Returns:
             As many.
         """
-        order, samples = len(self.lags), len(errors)
-        padded = jnp.pad(errors, [(order, 0), *[(0, 0)] * (errors.ndim - 1)])
-        before = jnp.stack([padded[order - j : order - j + samples] for j in range(1, order + 1)])
-        news = errors - jnp.einsum("jab,jkb...->ka...", self.lags, before)
+        news = errors - jnp.einsum("jab,jkb...->ka...", self.lags, _before(errors))
         return jnp.einsum("ab,kb...->ka...", self.scale, news)
 
 
@@ -84,6 +83,17 @@ class Weighing(NamedTuple):
         """
         return cls(jnp.asarray(level, float), Whitening.none(channels), jnp.ones((), float))
 
+    def whitened(self, residuals: Float[np.ndarray, "B k o"]) -> "Weighing":
+        """The same with errors weighed by what is new in them; where starts are estimated, all of it is.
+
+        Args:
+            residuals: Of every window.
+
+        Returns:
+            The weighing.
+        """
+        return self if math.isfinite(self.level) else self._replace(whitening=fit_whitening(residuals))
+
 
 def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
     """Fit an autoregression to the residuals of windows, by least squares over all of them.
@@ -108,16 +118,15 @@ def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
     """
     windows, samples, channels = residuals.shape
     enough = windows * (samples - _ORDER) >= _SAMPLES * _ORDER * channels
-    if not enough or not np.abs(residuals).max() < _LARGEST:
+    if not enough or not np.abs(residuals).max() < LARGEST:
         return Whitening.none(channels)
     squares = np.mean(residuals**2, axis=(1, 2))
     square = float(squares.mean())
     if not square > np.finfo(float).tiny or squares.max() > _ASTRAY * squares.sum():
         return Whitening.none(channels)
     errors = residuals / math.sqrt(square)
-    padded = np.pad(errors, ((0, 0), (_ORDER, 0), (0, 0)))
-    before = [padded[:, _ORDER - j : _ORDER - j + samples] for j in range(1, _ORDER + 1)]
-    regressors, targets = np.concatenate(before, axis=2).reshape(-1, _ORDER * channels), errors.reshape(-1, channels)
+    before = np.moveaxis(np.asarray(jax.vmap(_before)(jnp.asarray(errors, float))), 1, 2)
+    regressors, targets = before.reshape(-1, _ORDER * channels), errors.reshape(-1, channels)
     ridge = _RIDGE * len(targets) * np.eye(_ORDER * channels)
     coefficients = np.linalg.solve(regressors.T @ regressors + ridge, regressors.T @ targets)
     news = targets - regressors @ coefficients
@@ -127,3 +136,9 @@ def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
     scale *= math.sqrt(channels / np.trace(scale @ covariance @ scale.T))
     lags = np.swapaxes(coefficients.reshape(_ORDER, channels, channels), 1, 2)
     return Whitening(jnp.asarray(lags, float), jnp.asarray(scale, float))
+
+
+def _before(errors: Float[Array, "k o *P"]) -> Float[Array, "p k o *P"]:
+    """The errors one sample earlier, two, and so on; zero before the first."""
+    padded = jnp.pad(errors, [(_ORDER, 0), *[(0, 0)] * (errors.ndim - 1)])
+    return jnp.stack([padded[_ORDER - j : _ORDER - j + len(errors)] for j in range(1, _ORDER + 1)])
