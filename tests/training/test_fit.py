@@ -14,9 +14,9 @@ from symoden.blocks import RUNGS, count_parameters
 from symoden.data import DataError, Dataset, DataWarning, Trajectory
 from symoden.models import KINDS, BlockConfig, ModelConfig, StructuredModel
 from symoden.systems import Pendulum
-from symoden.training import TrainingConfig, TrainingError, _fit, fit
+from symoden.training import TrainingConfig, TrainingError, _fit, _line_up, fit
 from symoden.training._fit import _prepare
-from symoden.training._stages import LevenbergStage
+from symoden.training._levenberg_stage import LevenbergStage
 
 CONSTANT = BlockConfig(constant=True)
 
@@ -191,7 +191,7 @@ def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they
     few, all_of_them = (count_parameters(model, corrections=rung) for rung in (1, RUNGS))
 
     def names(most):
-        monkeypatch.setattr(_fit, "MOST_PARAMETERS", most)
+        monkeypatch.setattr(_line_up, "MOST_PARAMETERS", most)
         return [stage.name for stage in _prepare(pendulum(), small, quick)[0]][3:]
 
     assert few < all_of_them

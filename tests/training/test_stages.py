@@ -1,6 +1,7 @@
 """When Levenberg-Marquardt ends, and when growth is left out."""
 
 import dataclasses
+import itertools
 
 import equinox as eqx
 import jax
@@ -9,12 +10,14 @@ import numpy as np
 import pytest
 
 from symoden.blocks import RUNGS
-from symoden.models import build
+from symoden.models import ModelConfig, build
 from symoden.spaces import Space
-from symoden.training import _data, _fit, _stages
+from symoden.training import _data, _levenberg_stage
+from symoden.training._adam_stage import DIVERGED, AdamStage
 from symoden.training._gauss_newton import Linearization
+from symoden.training._levenberg_stage import LevenbergStage
+from symoden.training._line_up import adam_optimizer, line_up
 from symoden.training._relevance import Relevance
-from symoden.training._stages import AdamStage, LevenbergStage
 from symoden.training._state import Incumbent, TrainingState
 from symoden.training._weighing import Weighing
 
@@ -38,7 +41,7 @@ def stage(pendulum, small, quick):
         stale=0,
         incumbent=Incumbent(model, None, 0, Weighing.plain(3)),
     )
-    return LevenbergStage(data, quick), state
+    return LevenbergStage(data, quick, "levenberg-marquardt", quick.lm_steps), state
 
 
 def test_it_ends_when_nothing_is_left_to_explain_or_nothing_is_gained_or_steps_run_out(stage, quick):
@@ -58,7 +61,7 @@ def test_a_loss_in_the_units_of_the_data_has_no_such_bound(stage):
 
 def test_no_block_grows_where_the_rest_explains_the_motion(stage):
     stage, state = stage
-    growth = dataclasses.replace(stage, corrections=RUNGS)
+    growth = dataclasses.replace(stage, corrections=RUNGS, margin=2.0)
     started = growth.start(state)
     after, report = growth.advance(started._replace(best_loss=9e-7))
     assert (after.step, report.finished, report.outcome) == (0, True, "nothing left to explain")
@@ -66,28 +69,17 @@ def test_no_block_grows_where_the_rest_explains_the_motion(stage):
     assert after.step == 1
 
 
+@pytest.mark.parametrize("learns", [False, True])
 @pytest.mark.parametrize(
-    ("rung", "kind", "errors", "kept"),
-    [
-        (1, {}, -1.1, True),
-        (1, {}, -0.9, False),
-        (RUNGS, {}, -2.1, True),
-        (RUNGS, {}, -1.9, False),
-        (1, {"relevance": True}, 0.9, True),
-        (1, {"relevance": True}, 1.1, False),
-        (0, {"refit": True}, -2.1, True),
-        (0, {"refit": True}, -1.9, False),
-        (1, {"relevance": True, "longer": True}, 1.9, True),
-        (1, {"relevance": True, "longer": True}, 2.1, False),
-    ],
+    ("margin", "errors", "kept"),
+    [(1.0, -1.1, True), (1.0, -0.9, False), (-2.0, 1.9, True), (-2.0, 2.1, False), (None, 9.0, True)],
 )
-def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_against_it(
-    stage, monkeypatch, rung, kind, errors, kept
+def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_for(
+    stage, monkeypatch, learns, margin, errors, kept
 ):
     stage, state = stage
-    config = dataclasses.replace(stage.config, growth_steps=1, relevance_steps=1)
     data = stage.data._replace(validation=stage.data.train)
-    last = dataclasses.replace(stage, data=data, config=config, corrections=rung, **kind)
+    last = dataclasses.replace(stage, data=data, steps=1, corrections=1, learns=learns, margin=margin)
     monkeypatch.setattr(type(data), "compare", lambda *_: errors)
     started = last.start(state)
     after, report = last.advance(started)
@@ -95,30 +87,37 @@ def test_more_is_kept_if_validation_asks_for_it_and_less_unless_it_speaks_agains
     first, best = (jax.tree.leaves(each) for each in (started.best, after.best))
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
     assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)
-    assert (float(after.memory.variance) > 0) == ("relevance" in kind and kept)
+    assert (float(after.memory.variance) > 0) == (learns and kept)
 
 
-@pytest.mark.parametrize(
-    ("kind", "late"),
-    [
-        ({}, False),
-        ({"corrections": 1}, False),
-        ({"relevance": True}, True),
-        ({"refit": True}, True),
-        ({"corrections": RUNGS}, False),
-        ({"longer": True}, True),
-    ],
-)
-def test_errors_are_weighed_by_what_is_new_in_them_where_nothing_is_set_free(
-    stage, kind, late, pendulum, quick, monkeypatch
-):
+def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendulum, quick, monkeypatch):
+    monkeypatch.setattr(_data, "_FEWEST", 2)
+    config = dataclasses.replace(quick, growth_steps=1, relevance_steps=1, lm_horizon=None, validation=0.0)
+    model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
+    stages = [s for s in line_up(pendulum(samples=400), [model], config) if isinstance(s, LevenbergStage)]
+    names = ["levenberg-marquardt", "friction", "relevance", "longer windows", "longer windows", "refit", "growth"]
+    assert [each.name for each in stages] == names
+    assert stages[0].margin is None
+    for before, after in itertools.pairwise(stages):
+        freed = after.corrections > before.corrections
+        assert after.corrections >= before.corrections
+        assert after.whitens != freed
+        assert after.margin is not None
+        assert (after.margin > 0) != after.learns  # Simpler models are to be preferred; priors make them so.
+        assert after.widens == (len(after.data.train.ts[0]) > len(before.data.train.ts[0]))
+
+
+def test_errors_are_weighed_by_what_is_new_in_them_where_a_stage_says_so(stage, pendulum, quick, monkeypatch):
     stage, state = stage
     stage = dataclasses.replace(stage, data=_data.levenberg_data(pendulum(count=8), state.model, quick))
-    scale = dataclasses.replace(stage, **kind).start(state).weighing.whitening.scale
-    assert late == (not np.array_equal(scale, np.eye(3)))
-    monkeypatch.setattr(_stages, "EXPLAINED", 1e9)  # As where a model is exact, and errors are rounding.
-    scale = dataclasses.replace(stage, **kind).start(state).weighing.whitening.scale
-    assert np.array_equal(scale, np.eye(3))
+
+    def scale(whitens):
+        return dataclasses.replace(stage, whitens=whitens).start(state).weighing.whitening.scale
+
+    assert np.array_equal(scale(False), np.eye(3))
+    assert not np.array_equal(scale(True), np.eye(3))
+    monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 1e9)  # As where a model is exact, and errors are rounding.
+    assert np.array_equal(scale(True), np.eye(3))
 
 
 def test_what_was_best_is_judged_anew_where_integration_is_refined(stage, monkeypatch):
@@ -133,8 +132,8 @@ def test_integration_is_refined_where_rollouts_diverge(stage, monkeypatch):
     stage, state = stage
     stage = dataclasses.replace(stage, config=dataclasses.replace(stage.config, lm_substeps=None))
     for lost in (np.inf, np.nan):
-        monkeypatch.setattr(_stages, "evaluate_loss", lambda *_, lost=lost: lost)
-        monkeypatch.setattr(_stages, "integration_error", lambda *_, lost=lost: lost)
+        monkeypatch.setattr(_levenberg_stage, "evaluate_loss", lambda *_, lost=lost: lost)
+        monkeypatch.setattr(_levenberg_stage, "integration_error", lambda *_, lost=lost: lost)
         assert [stage._refined(state._replace(substeps=n)) for n in (1, 4, 16)] == [2, 8, 16]
 
 
@@ -145,37 +144,38 @@ def test_adam_goes_on_where_a_window_diverges_and_says_so_where_all_do(stage, pe
     fast = jnp.asarray(1e30, data.train.rates.dtype)  # Its square is no number in single precision.
     for lost in (slice(0, 1), slice(None)):
         spoilt = data.train._replace(rates=data.train.rates.at[lost].set(fast))
-        adam = AdamStage(data._replace(train=spoilt), quick, state.model, _fit._optimizer(quick))
+        optimizer = adam_optimizer(quick)
+        adam = AdamStage(data._replace(train=spoilt), quick, "adam", quick.adam_steps, state.model, optimizer)
         started = adam.start(state)
         with jax.numpy_dtype_promotion("standard"):
             after, report = adam.advance(started)
         same = eqx.tree_equal(started.model, after.model)
-        assert (report.outcome == _stages.DIVERGED) == same == (lost == slice(None))
+        assert (report.outcome == DIVERGED) == same == (lost == slice(None))
         assert all(np.isfinite(x).all() for x in jax.tree.leaves(eqx.filter(after.model, eqx.is_inexact_array)))
 
 
-def test_in_a_refit_learned_priors_fade_with_the_loss(stage, monkeypatch):
+def test_where_priors_are_not_learned_they_fade_with_the_loss(stage, monkeypatch):
     stage, state = stage
     learned = Relevance.start(state.model, 50.0)._replace(variance=jnp.asarray(1e3))
-    plain, priors = _stages.levenberg_marquardt_step, []
+    plain, priors = _levenberg_stage.levenberg_marquardt_step, []
 
     def watched(*arguments, prior, **options):
         priors.append(prior)
         return plain(*arguments, prior=prior, **options)
 
-    monkeypatch.setattr(_stages, "levenberg_marquardt_step", watched)
-    for kind in ("relevance", "refit"):
-        last = dataclasses.replace(stage, **{kind: True})
+    monkeypatch.setattr(_levenberg_stage, "levenberg_marquardt_step", watched)
+    for learns in (True, False):
+        last = dataclasses.replace(stage, learns=learns)
         last.advance(last.start(state._replace(memory=learned)))
     assert [prior.variance for prior in priors] == [1e3, None]
     assert all(np.array_equal(prior.precision, np.full_like(prior.precision, 50.0)) for prior in priors)
 
 
-def test_longer_windows_begin_with_wide_priors_and_what_was_learned_comes_back_if_they_are_refused(stage, monkeypatch):
+def test_a_stage_may_begin_with_wide_priors_and_what_was_learned_comes_back_if_it_is_refused(stage, monkeypatch):
     stage, state = stage
     data = stage.data._replace(validation=stage.data.train)
-    config = dataclasses.replace(stage.config, growth_steps=1, prior=2.0)
-    longer = dataclasses.replace(stage, data=data, config=config, corrections=1, longer=True)
+    config = dataclasses.replace(stage.config, prior=2.0)
+    longer = dataclasses.replace(stage, data=data, config=config, steps=1, corrections=1, margin=-2.0, widens=True)
     learned = Relevance.start(state.model, 7.0)
     started = longer.start(state._replace(memory=learned))
     assert {
@@ -210,7 +210,7 @@ def test_windows_are_twice_and_four_times_as_long_as_far_as_there_are_enough(pen
 
 def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):
     stage, state = stage
-    relevance = dataclasses.replace(stage, corrections=1, relevance=True)
+    relevance = dataclasses.replace(stage, corrections=1, learns=True)
     state = relevance.start(state)
     # Priors far too narrow for anything: without a pin, all would go to nothing together.
     narrow = jax.tree.map(lambda x: jnp.full_like(x, 1e4), state.memory.precision)

@@ -1,8 +1,10 @@
 """What each stage trains on: windows of the recordings, how long they are, and how rollouts are compared with them."""
 
 import dataclasses
+import math
 import warnings
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -17,8 +19,8 @@ from symoden.wording import first_few
 
 from ._config import TrainingConfig
 from ._objective import Batch, Objective, channel_order, channel_weights
+from ._residuals import evaluate_loss, evaluate_residuals
 from ._scales import time_scale
-from ._stages import Data
 
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
 _LM_HORIZON = 2.0
@@ -28,6 +30,47 @@ _FEWEST = 20  # Of them, or they stay as they are.
 _MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
 _NAMED = 3
+
+
+class Data(NamedTuple):
+    """Windows of one stage and how rollouts are compared with them.
+
+    Attributes:
+        train: Windows to fit.
+        validation: Windows to choose by; None to go by the training windows.
+        objective: Weights, solver and hold.
+    """
+
+    train: Batch
+    validation: Batch | None
+    objective: Objective
+
+    def validation_loss(self, model: AbstractDynamics, objective: Objective) -> float | None:
+        """Loss on the validation windows, if there are any."""
+        return None if self.validation is None else evaluate_loss(model, objective, self.validation)
+
+    def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: Objective) -> float:
+        """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.
+
+        Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
+        of Breiman et al., 1984).
+
+        Returns:
+            Mean of the differences, window against window, relative to its standard error.
+        """
+        if self.validation is None or self.validation.ts.shape[0] == 1:
+            return 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            here, there = (
+                np.mean(np.asarray(evaluate_residuals(each, objective, self.validation), float) ** 2, axis=(1, 2))
+                for each in (model, other)
+            )
+        if not np.isfinite(here).all():
+            return math.inf
+        if not np.isfinite(there).all():
+            return -math.inf
+        error = float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
+        return float(np.mean(here - there)) / max(error, float(np.finfo(float).tiny))
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:

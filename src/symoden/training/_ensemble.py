@@ -17,15 +17,17 @@ from jaxtyping import Array, Float
 from symoden.mechanics import AbstractDynamics
 from symoden.storage import StorageError, load_arrays, save_arrays
 
+from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
 from ._level import LEAST_WINDOWS
 from ._levenberg_marquardt import LevenbergState
+from ._levenberg_stage import STALLED, LevenbergStage
 from ._objective import Batch
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss
 from ._run import Progress, Stopwatch
-from ._stages import EXACT, EXPLAINED, STALLED, AdamStage, LevenbergStage
+from ._stages import EXACT, EXPLAINED
 from ._state import TrainingState
 
 FEWEST_MEMBERS: Final = 2
@@ -279,7 +281,7 @@ class _Member:
     def steps(self) -> int:
         """Largest number of steps of Levenberg-Marquardt."""
         config = self.pattern.stage.config
-        return config.lm_steps + config.growth_steps + self.pattern.stage.relevance * config.relevance_steps
+        return config.lm_steps + config.growth_steps + self.pattern.stage.learns * config.relevance_steps
 
     def train(self) -> Iterator[_Trained]:
         """Adam from fresh weights, then Levenberg-Marquardt.
@@ -305,7 +307,7 @@ class _Member:
             )
             # Learned priors keep from fitting noise; else the validation windows tell when to stop, as in training.
             judged = done.after
-            if data.validation is not None and not stage.relevance:
+            if data.validation is not None and not stage.learns:
                 judged = self._loss(np.asarray(state.theta), data.validation)
             falling = done.accepted and done.after < (1 - STALLED) * done.before
             stale = 0 if falling and judged < least else stale + 1

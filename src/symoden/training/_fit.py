@@ -8,23 +8,23 @@ from pathlib import Path
 
 import jax
 import jax.numpy as jnp
-import optax
 
-from symoden.blocks import RUNGS, count_parameters, highest_rung
+from symoden.blocks import count_parameters, highest_rung
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, build, check_known, save
 from symoden.spaces import Space
 
-from ._adam import adam
+from ._adam_stage import AdamStage
 from ._config import TrainingConfig
-from ._data import adam_data, hold_out, levenberg_data, longer_data, name_short, name_thinned
+from ._data import hold_out
 from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._flatten import cast
-from ._gauss_newton import MOST_PARAMETERS
+from ._levenberg_stage import LevenbergStage
+from ._line_up import line_up
 from ._run import MODEL, Journal, Progress, Stopwatch, run
 from ._scales import measure_scales, states
-from ._stages import AbstractStage, AdamStage, Data, LevenbergStage
+from ._stages import AbstractStage
 from ._state import Incumbent, TrainingState
 from ._weighing import Weighing
 
@@ -162,26 +162,14 @@ def fit(
 
 
 def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
-    """Split and cut the recordings, build the model, and line up the stages."""
+    """Split the recordings, build the model, and line up the stages."""
     dataset = hold_out(dataset, config)
     fresh = _builder(dataset, model, config)
     candidates = [fresh(number) for number in range(config.restarts if config.adam_steps else 1)]
     dynamics = candidates[0]
     if not count_parameters(dynamics):
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
-    free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
-    stages: list[AbstractStage] = []
-    if config.adam_steps and free:
-        data, optimizer = adam_data(dataset, dynamics, config), _optimizer(config)
-        name_short(dataset, data)
-        stages.extend(AdamStage(data, config, fresh, optimizer, k) for k, fresh in enumerate(candidates))
-    if config.lm_steps:
-        data = levenberg_data(dataset, dynamics, config)
-        name_short(dataset, data)
-        name_thinned(dataset, data, config)
-        if free:
-            stages.append(LevenbergStage(data, config))
-        stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
+    stages = line_up(dataset, candidates, config)
     weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
     state = TrainingState(
         stage=0,
@@ -237,50 +225,3 @@ def _pattern(
     # What an earlier stage set free and validation kept is open, though the last one did not change it.
     rung = max(last.corrections, highest_rung(state.best, jnp.zeros(state.best.space.size)))
     return Pattern(fresh, adam, dataclasses.replace(last, corrections=rung), state)
-
-
-def _further(
-    dynamics: AbstractDynamics, data: Data, longer: Sequence[Data], config: TrainingConfig
-) -> list[LevenbergStage]:
-    """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks.
-
-    Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
-    narrowed. In longer windows they are learned anew, since what is narrow does not widen. Errors that they were
-    learned beside are then gone: a refit follows, in which they fade with the loss.
-
-    What comes after longer windows goes by the longest: short ones would undo what these find.
-
-    More than `MOST_PARAMETERS` are too many: networks then stay closed, and priors as wide as they are.
-
-    Returns:
-        The stages.
-    """
-    counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
-    freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
-    if counts[RUNGS] > MOST_PARAMETERS:
-        freed = [rung for rung in freed if rung < RUNGS]
-    low = [rung for rung in freed if rung < RUNGS]
-    stages = [LevenbergStage(data, config, corrections=rung) for rung in low]
-    judged = max(low, default=0)
-    learns = config.relevance_steps > 0 and 0 < counts[judged] <= MOST_PARAMETERS
-    if learns:
-        stages.append(LevenbergStage(data, config, corrections=judged, relevance=True))
-    if config.growth_steps:
-        long = LevenbergStage(data, config, corrections=judged, relevance=learns, longer=True)
-        stages.extend(dataclasses.replace(long, data=each) for each in longer)
-        longest = longer[-1] if longer else data
-        if learns:
-            stages.append(LevenbergStage(longest, config, corrections=judged, refit=True))
-        stages.extend(LevenbergStage(longest, config, corrections=rung) for rung in freed if rung == RUNGS)
-    return stages
-
-
-def _optimizer(config: TrainingConfig) -> optax.GradientTransformation:
-    """Adam with the settings' schedule."""
-    return adam(
-        steps=config.adam_steps,
-        learning_rate=config.learning_rate,
-        cosine=config.cosine,
-        clip=config.clip,
-        weight_decay=config.weight_decay,
-    )

@@ -1,0 +1,85 @@
+"""Adam as a stage of training."""
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import Final, final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from symoden.blocks import trainable, without_silent
+from symoden.mechanics import AbstractDynamics
+
+from ._adam import AdamState, Sampler, adam_steps
+from ._config import TrainingConfig
+from ._data import Data
+from ._flatten import Flattening, cast
+from ._stages import AbstractStage
+from ._state import Incumbent, Report, TrainingState
+
+DIVERGED: Final = "diverged; the best model before was kept"
+
+_CHUNK: Final = 200
+
+
+@final
+@dataclass(frozen=True)
+class AdamStage(AbstractStage):
+    """Adam in single precision: finds the basin. The best model of the stages before is kept unless this is better.
+
+    Attributes:
+        data: Overlapping windows, in the precision to train in.
+        config: Settings.
+        name: What reports call it.
+        steps: Number of steps.
+        fresh: The untrained model to start from.
+        optimizer: What updates the parameters. Made once and shared, since JAX recognises a compiled function by the
+            identity of the functions it was made from.
+    """
+
+    data: Data
+    config: TrainingConfig
+    name: str
+    steps: int
+    fresh: AbstractDynamics
+    optimizer: optax.GradientTransformation
+
+    def start(self, state: TrainingState) -> TrainingState:
+        """Begin with fresh weights and an empty memory."""
+        dtype = self.data.train.q.dtype
+        model = cast(self.fresh, dtype)
+        lean = without_silent(model)
+        memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=0)))
+        best = cast(state.best, dtype)
+        incumbent = Incumbent(best, None, state.origin, state.weighing)
+        return state._replace(step=0, model=model, best=best, incumbent=incumbent, memory=memory)
+
+    def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
+        """Take up to some hundred steps in one compiled call."""
+        restore, theta = Flattening.of(state.model, corrections=0, dtype=self.data.train.q.dtype)
+        lean = without_silent(state.model)
+        free, fixed = eqx.partition(lean, trainable(lean, corrections=0))
+        steps = min(_CHUNK, self.steps - state.step)
+        before = AdamState(free, state.memory, jnp.asarray(state.step))
+        after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self.optimizer, steps=steps)
+        model = restore(Flattening.of(eqx.combine(after.free, fixed), corrections=0, dtype=theta.dtype)[1])
+        validation = self.data.validation_loss(model, self.data.objective)
+        state = state._replace(step=state.step + steps, model=model, memory=after.optimizer)
+        finite = np.asarray(losses)[np.isfinite(losses)]  # The others were skipped.
+        loss = float(np.mean(finite)) if finite.size else math.inf
+        if not math.isfinite(loss):
+            return state._replace(model=state.best), Report(loss, validation, finished=True, outcome=DIVERGED)
+        judged = loss if validation is None else validation
+        if judged < state.best_loss or not self.config.keep_best:
+            state = state._replace(best=model, best_loss=judged, origin=state.stage)
+        finished = state.step >= self.steps
+        return state, Report(loss, validation, finished=finished, outcome="all steps taken" if finished else "")
+
+    @functools.cached_property
+    def _sampler(self) -> Sampler:
+        windows = self.data.train
+        size = min(self.config.batch_size, windows.ts.shape[0])
+        return Sampler(windows, jnp.asarray(self.config.seed), size, self.config.shuffle)

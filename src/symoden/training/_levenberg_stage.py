@@ -1,0 +1,230 @@
+"""Levenberg-Marquardt as a stage of training."""
+
+import math
+from dataclasses import dataclass
+from typing import Final, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from symoden.integrate import RK4
+
+from ._config import TrainingConfig
+from ._data import Data
+from ._flatten import Flattening, cast
+from ._level import expected_level, weigh
+from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
+from ._objective import Batch, Objective
+from ._relevance import Relevance, free_scale
+from ._residuals import evaluate_loss, integration_error
+from ._stages import EXACT, EXPLAINED, AbstractStage
+from ._state import Incumbent, Report, TrainingState
+from ._weighing import Weighing
+
+STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as none.
+
+_MOST_SUBSTEPS: Final = 16
+_STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
+_SETTLED: Final = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
+
+
+@final
+@dataclass(frozen=True)
+class LevenbergStage(AbstractStage):
+    """Levenberg-Marquardt in double precision: reaches the bottom.
+
+    Integration is refined as the errors fall: where its own error is no longer small beside the residuals, the number
+    of RK4 steps in a sampling interval doubles.
+
+    Attributes:
+        data: Windows that hardly overlap, in double precision.
+        config: Settings.
+        name: What reports call it.
+        steps: Largest number of steps.
+        corrections: Up to which rung corrections are free: none, those of friction, all.
+        margin: What comes of the stage is kept if it is better than what was before by more than so many standard
+            errors of the difference in validation; below zero, unless it is worse by that many. Such a stage is
+            skipped where nothing is left to explain. None keeps the best model.
+        whitens: Errors count as what is new in them, where starts are as measured.
+        learns: Learn the priors too. Else they fade with the loss.
+        widens: Priors are as wide as at first.
+    """
+
+    data: Data
+    config: TrainingConfig
+    name: str
+    steps: int
+    corrections: int = 0
+    margin: float | None = None
+    whitens: bool = False
+    learns: bool = False
+    widens: bool = False
+
+    def start(self, state: TrainingState) -> TrainingState:
+        """Begin from the best model so far, in double precision."""
+        best = cast(state.best, self.data.train.q.dtype)
+        restore, theta = Flattening.of(best, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        solver = RK4(jnp.asarray(state.substeps))
+        where = restore, theta, self.data.objective, solver, self.data.train
+        weighing = Weighing.plain(self.data.objective.weights.size, expected_level(*where))
+        loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
+        if self.whitens and not self._is_below(EXPLAINED, loss):
+            weighing = weigh(*where, weighing)
+            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
+        fresh = Relevance.start(best, self.config.prior)
+        known = state.memory if isinstance(state.memory, Relevance) else fresh
+        priors = fresh if self.widens else known
+        return state._replace(
+            step=0,
+            model=best,
+            weighing=weighing,
+            best=best,
+            incumbent=Incumbent(best, known, state.origin, state.weighing),
+            best_loss=loss,
+            origin=state.stage,
+            memory=priors,
+            damping=self.config.damping,
+            stale=0,
+        )
+
+    def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
+        """Take one step."""
+        if state.step == 0 and self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
+            report = Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
+            return self._undone(state), report
+        substeps = self._refined(state)
+        objective = self.objective(substeps, state.weighing)
+        if substeps != state.substeps:  # What was best may have fitted the errors of integration.
+            state = state._replace(best_loss=evaluate_loss(state.best, objective, self._judged))
+        restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        before = LevenbergState(theta, state.damping)
+        after, step = self.step(
+            before, restore, self.data.train, substeps=substeps, weighing=state.weighing, priors=state.memory
+        )
+        model = restore(after.theta)
+        validation = self.data.validation_loss(model, objective)
+        judged = step.after if validation is None else validation
+        state = state._replace(step=state.step + 1, model=model, damping=after.damping, substeps=substeps)
+        if self.learns:
+            state = self._learned(state, step, np.asarray(theta, float))
+        else:
+            better = judged < state.best_loss
+            falling = step.accepted and step.after < (1 - STALLED) * step.before
+            state = state._replace(
+                best=model if better else state.best,
+                best_loss=judged if better else state.best_loss,
+                stale=0 if better and falling else state.stale + 1,
+            )
+        ended, outcome = self._ended(state)
+        if ended:
+            state = self._concluded(state._replace(best=model, best_loss=judged) if self.learns else state)
+        return state, Report(step.after, validation, ended, outcome)
+
+    def step(
+        self,
+        state: LevenbergState,
+        restore: Flattening,
+        batch: Batch,
+        *,
+        substeps: int,
+        weighing: Weighing,
+        priors: Relevance,
+        mean: float | Float[np.ndarray, " P"] = 0.0,
+    ) -> tuple[LevenbergState, LevenbergStep]:
+        """One step of Levenberg-Marquardt.
+
+        Args:
+            state: Where to start.
+            restore: Makes the model from flat parameters, those up to this stage's rung.
+            batch: Windows to fit.
+            substeps: RK4 steps in each sampling interval.
+            weighing: What errors count.
+            priors: Priors of the parameters.
+            mean: Their mean.
+
+        Returns:
+            The state after the step, and what the step did.
+        """
+        model = restore(state.theta)
+        pin = free_scale(model, restore, state.theta, self.data.train.q[:_STATES, 0]) if self.learns else None
+        return levenberg_marquardt_step(
+            state,
+            restore,
+            self.objective(substeps, weighing),
+            batch,
+            prior=Prior(
+                priors.precisions(model, self.corrections),
+                mean,
+                float(priors.variance) or None if self.learns else None,
+                float(weighing.effect),
+            ),
+            pin=pin,
+        )
+
+    def _learned(self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"]) -> TrainingState:
+        """Learn the priors from a step from θ."""
+        at = state.model, self.corrections
+        priors = state.memory.learn(step.equations, theta, *at)
+        change = math.inf
+        if state.memory.variance > 0:
+            change = priors.effective(step.equations, *at) / state.memory.effective(step.equations, *at) - 1
+        return state._replace(memory=priors, stale=state.stale + 1 if abs(change) < _SETTLED else 0)
+
+    def _concluded(self, state: TrainingState) -> TrainingState:
+        """State at the end of the stage: with what came of it, or as it was before."""
+        if self.margin is None or self.data.validation is None:
+            return state
+        objective = self.objective(state.substeps, state.weighing)
+        gain = -self.data.compare(state.best, state.incumbent.model, objective)
+        return state if gain > self.margin else self._undone(state)
+
+    def _undone(self, state: TrainingState) -> TrainingState:
+        """State with the best model from before the stage."""
+        best, memory, origin, weighing = state.incumbent
+        loss = evaluate_loss(best, self.objective(state.substeps, state.weighing), self._judged)
+        return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, weighing=weighing)
+
+    def _ended(self, state: TrainingState) -> tuple[bool, str]:
+        """Whether the stage is over, and why."""
+        # More need not be set free long before a model is exact.
+        if self._is_below(EXACT if self.margin is None else EXPLAINED, state.best_loss):
+            return True, "nothing left to explain"
+        if state.stale >= self.config.patience:
+            return True, "converged"
+        finished = state.step >= self.steps
+        return finished, "all steps taken" if finished else ""
+
+    @property
+    def _judged(self) -> Batch:
+        """Windows that models are chosen by."""
+        return self.data.train if self.data.validation is None else self.data.validation
+
+    def _is_below(self, bound: float, loss: float) -> bool:
+        """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
+        return self.config.scaled_loss and loss < bound
+
+    def objective(self, substeps: int, weighing: Weighing) -> Objective:
+        """How rollouts are compared with windows.
+
+        Args:
+            substeps: RK4 steps in each sampling interval.
+            weighing: What errors count.
+
+        Returns:
+            The objective.
+        """
+        # A number of substeps that is an array needs no new compilation when it changes.
+        return self.data.objective.refined(RK4(jnp.asarray(substeps)), weighing)
+
+    def _refined(self, state: TrainingState) -> int:
+        """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""
+        if self.config.lm_substeps is not None:
+            return self.config.lm_substeps
+        coarse = self.objective(state.substeps, state.weighing)
+        sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
+        error = integration_error(state.model, coarse, self.objective(2 * state.substeps, state.weighing), sample)
+        loss = evaluate_loss(state.model, coarse, sample)
+        fine = math.isfinite(loss) and error <= 0.01 * loss
+        finer = not fine and state.substeps < _MOST_SUBSTEPS
+        return 2 * state.substeps if finer else state.substeps

@@ -1,0 +1,117 @@
+"""Which stages training goes through, in which order, and what each must gain to be kept."""
+
+import functools
+from collections.abc import Sequence
+from typing import Final
+
+import optax
+
+from symoden.blocks import RUNGS, count_parameters
+from symoden.data import Dataset
+from symoden.mechanics import AbstractDynamics
+
+from ._adam import adam
+from ._adam_stage import AdamStage
+from ._config import TrainingConfig
+from ._data import Data, adam_data, levenberg_data, longer_data, name_short, name_thinned
+from ._gauss_newton import MOST_PARAMETERS
+from ._levenberg_stage import LevenbergStage
+from ._stages import AbstractStage
+
+_CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
+_CLEAR: Final = 2.0  # The same for what is asked last: ask often enough, and chance says yes.
+
+
+def line_up(dataset: Dataset, candidates: Sequence[AbstractDynamics], config: TrainingConfig) -> list[AbstractStage]:
+    """Cut the recordings into windows, and line up the stages.
+
+    Args:
+        dataset: Recordings, with their validation part.
+        candidates: Untrained models, from whose weights Adam starts in turn.
+        config: Settings.
+
+    Returns:
+        The stages.
+    """
+    dynamics = candidates[0]
+    free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
+    stages: list[AbstractStage] = []
+    if config.adam_steps and free:
+        data, optimizer = adam_data(dataset, dynamics, config), adam_optimizer(config)
+        name_short(dataset, data)
+        many = len(candidates)
+        names = [f"adam {k + 1} of {many}" for k in range(many)] if many > 1 else ["adam"]
+        stages.extend(
+            AdamStage(data, config, name, config.adam_steps, fresh, optimizer)
+            for name, fresh in zip(names, candidates, strict=True)
+        )
+    if config.lm_steps:
+        data = levenberg_data(dataset, dynamics, config)
+        name_short(dataset, data)
+        name_thinned(dataset, data, config)
+        if free:
+            stages.append(LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps))
+        stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
+    return stages
+
+
+def adam_optimizer(config: TrainingConfig) -> optax.GradientTransformation:
+    """Adam with the settings' schedule.
+
+    Args:
+        config: Settings.
+
+    Returns:
+        The optimizer.
+    """
+    return adam(
+        steps=config.adam_steps,
+        learning_rate=config.learning_rate,
+        cosine=config.cosine,
+        clip=config.clip,
+        weight_decay=config.weight_decay,
+    )
+
+
+def _further(
+    dynamics: AbstractDynamics, data: Data, longer: Sequence[Data], config: TrainingConfig
+) -> list[LevenbergStage]:
+    """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks.
+
+    Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
+    narrowed. In longer windows they are learned anew: these tell of parameters that shorter ones do not, and what is
+    narrow does not widen. Errors that they were learned beside are then gone: a refit follows, in which they fade with
+    the loss.
+
+    What comes after longer windows goes by the longest: short ones would undo what these find.
+
+    Errors are not whitened where friction or networks are set free: what a block has not learned yet is no noise, and
+    must count in full.
+
+    More than `MOST_PARAMETERS` are too many: networks then stay closed, and priors as wide as they are.
+
+    Returns:
+        The stages.
+    """
+    counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
+    freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
+    if counts[RUNGS] > MOST_PARAMETERS:
+        freed = [rung for rung in freed if rung < RUNGS]
+    low = [rung for rung in freed if rung < RUNGS]
+    judged = max(low, default=0)
+    learns = config.relevance_steps > 0 and 0 < counts[judged] <= MOST_PARAMETERS
+    grow, learn = config.growth_steps, config.relevance_steps
+    stages = [LevenbergStage(data, config, "friction", grow, rung, margin=_CHANCE) for rung in low]
+    whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=True)
+    if learns:
+        stages.append(whitened(data, name="relevance", steps=learn, margin=-_CHANCE, learns=True))
+    if not grow:
+        return stages
+    anew = functools.partial(whitened, name="longer windows", margin=-_CLEAR, learns=learns, widens=True)
+    stages.extend(anew(each, steps=learn if learns else grow) for each in longer)
+    longest = longer[-1] if longer else data
+    if learns:
+        stages.append(whitened(longest, name="refit", steps=grow, margin=_CLEAR))
+    if RUNGS in freed:
+        stages.append(LevenbergStage(longest, config, "growth", grow, RUNGS, margin=_CLEAR))
+    return stages
