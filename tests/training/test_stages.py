@@ -94,7 +94,7 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     monkeypatch.setattr(_data, "_FEWEST", 2)
     config = dataclasses.replace(quick, growth_steps=1, relevance_steps=1, lm_horizon=None, validation=0.0)
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
-    stages = [s for s in line_up(pendulum(samples=400), [model], config) if isinstance(s, LevenbergStage)]
+    stages = [s for s in line_up(pendulum(samples=400), model, [model], config) if isinstance(s, LevenbergStage)]
     names = ["levenberg-marquardt", "friction", "relevance", "longer windows", "longer windows", "refit", "growth"]
     assert [each.name for each in stages] == names
     assert stages[0].margin is None

@@ -45,6 +45,7 @@ from ._functions import (
 )
 from ._harmonics import Harmonics as Harmonics, products as products
 from ._known import Known as Known
+from ._links import Links as Links, LinksMass as LinksMass, LinksPotential as LinksPotential
 from ._trainable import (
     RUNGS as RUNGS,
     count_parameters as count_parameters,
@@ -82,6 +83,9 @@ __all__ = [
     "KnownFriction",
     "KnownFunction",
     "KnownValue",
+    "Links",
+    "LinksMass",
+    "LinksPotential",
     "MatrixBlock",
     "Network",
     "NoFriction",

@@ -14,6 +14,7 @@ from symoden.shapes import Coordinates, DissipationMatrix, Velocities
 from ._fields import AbstractBlock
 from ._friction import AbstractFriction
 from ._known import Known
+from ._links import Links, LinksMass, LinksPotential
 
 Tree = TypeVar("Tree", bound=PyTree)
 
@@ -45,17 +46,25 @@ class Parameters(eqx.Module):
         names: Names in formulas.
         start: Start values.
         theta: What is learned.
+        links: Rigid bodies, whose numbers are learned likewise; None without any.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
     start: Known
     theta: Float[Array, " k"]
+    links: Links | None = None
 
     @classmethod
-    def init(cls, start: dict[str, float]) -> "Parameters":
+    def init(cls, start: dict[str, float], links: Links | None = None) -> "Parameters":
         """Begin at the start values."""
         values = jnp.asarray(list(start.values()), float)
-        return cls(tuple(start), Known(values), jnp.zeros_like(values))
+        return cls(tuple(start), Known(values), jnp.zeros_like(values), links)
+
+    @property
+    def quantities(self) -> dict[str, Array]:
+        """All that is learned, in physical units, by name."""
+        named = {name: self.values[i] for i, name in enumerate(self.names)}
+        return named if self.links is None else named | self.links.quantities
 
     @property
     def values(self) -> Float[Array, " k"]:
@@ -103,7 +112,7 @@ class Formula(eqx.Module):
 
 
 def with_parameters(tree: Tree, parameters: Parameters | None) -> Tree:
-    """Give every formula in a tree the values of its parameters.
+    """Give every formula in a tree the values of its parameters, and every block of rigid bodies these.
 
     They are kept once in a model, since formulas of several blocks share them.
 
@@ -118,11 +127,16 @@ def with_parameters(tree: Tree, parameters: Parameters | None) -> Tree:
         return tree
 
     def fill(node: PyTree) -> PyTree:
-        if not isinstance(node, Formula):
-            return node
-        return Formula(node.texts, node.shape, node.constants, parameters.names, parameters.values)
+        match node:
+            case Formula():
+                return Formula(node.texts, node.shape, node.constants, parameters.names, parameters.values)
+            case LinksMass():
+                return LinksMass(node.unit, parameters.links)
+            case LinksPotential():
+                return LinksPotential(node.unit, parameters.links)
+        return node
 
-    return jax.tree.map(fill, tree, is_leaf=lambda node: isinstance(node, Formula))
+    return jax.tree.map(fill, tree, is_leaf=lambda node: isinstance(node, Formula | LinksMass | LinksPotential))
 
 
 @final

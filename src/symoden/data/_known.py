@@ -3,11 +3,12 @@
 from pathlib import Path
 from typing import Final
 
-from symoden.known import PARTS, KnownParts
+from symoden.known import GRAVITY, PARTS, KnownParts, Robot, read_urdf
 
 from ._errors import DataError, listing, nearest
 
-_KEYS: Final = (*PARTS, "constants", "parameters", "correct")
+_KEYS: Final = (*PARTS, "robot", "constants", "parameters", "correct")
+_ROBOT: Final = ("urdf", "joints", "gravity")
 
 
 def read_known(path: Path, table: object) -> KnownParts:
@@ -37,6 +38,30 @@ def read_known(path: Path, table: object) -> KnownParts:
     if not isinstance(correct, list) or not all(isinstance(name, str) for name in correct):
         raise DataError(f"`{path}`: [known] `correct` must be a list of names of parts; got {correct!r}.")
     try:
-        return KnownParts(**{**table, "correct": tuple(correct)})
+        robot = {"robot": _read_robot(path, table["robot"])} if "robot" in table else {}
+        return KnownParts(**{**table, **robot, "correct": tuple(correct)})
     except ValueError as error:
         raise DataError(f"`{path}`: [known] {error}") from None
+
+
+def _read_robot(path: Path, table: object) -> Robot:
+    """The robot of a URDF file beside the description, by its path or by a table with more."""
+    given = {"urdf": table} if isinstance(table, str) else table
+    if not isinstance(given, dict) or not isinstance(given.get("urdf"), str):
+        raise ValueError(
+            f'`robot` must be the path of a URDF file, or a table with `urdf = "arm.urdf"`; got {table!r}.'
+        )
+    for key in given:
+        if key not in _ROBOT:
+            raise ValueError(f"`robot` has no key `{key}`.{nearest(key, _ROBOT)} The keys are {listing(_ROBOT)}.")
+    joints, gravity, file = given.get("joints"), given.get("gravity", GRAVITY), path.parent / given["urdf"]
+    if joints is not None and not (isinstance(joints, list) and all(isinstance(name, str) for name in joints)):
+        raise ValueError(f"`robot`: `joints` must be a list of names; got {joints!r}.")
+    if not isinstance(gravity, list | tuple):
+        raise ValueError(f"`robot`: `gravity` must be a list of three numbers [m/s²]; got {gravity!r}.")
+    try:
+        return read_urdf(file, joints=joints, gravity=gravity)
+    except OSError as error:
+        raise ValueError(f"`robot`: `{file}` cannot be read: {error.strerror or error}. Correct the path.") from None
+    except ValueError as error:
+        raise ValueError(f"`robot`: `{file}`: {error}") from None

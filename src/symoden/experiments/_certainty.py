@@ -94,7 +94,7 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         forces = [
             _blocks(model, q, v).dissipation[:, -n + i, -n + i] * v[:, i] for i, (q, v) in enumerate(friction_states)
         ]
-        named = jnp.zeros(0) if model.parameters is None else model.parameters.values
+        named = jnp.stack([*model.parameters.quantities.values()]) if model.parameters else jnp.zeros(0)
         if free:
             factor = jnp.exp(size - log_size(model))
             along = [_scaled(blocks, factor) for blocks in along]

@@ -177,7 +177,7 @@ def anchor(model: AbstractDynamics) -> str:
 
 
 def identified_parameters(model: AbstractDynamics) -> dict[str, float]:
-    """Values of the parameters that given formulas left open.
+    """Values of the parameters that given formulas left open, and of rigid bodies.
 
     Args:
         model: Learned model.
@@ -187,8 +187,7 @@ def identified_parameters(model: AbstractDynamics) -> dict[str, float]:
     """
     if not isinstance(model, StructuredModel) or model.parameters is None:
         return {}
-    values = np.asarray(model.parameters.values, float).tolist()
-    return dict(zip(model.parameters.names, values, strict=True))
+    return {name: float(value) for name, value in model.parameters.quantities.items()}
 
 
 def _position_range(model: AbstractDynamics, ranges: Ranges) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:

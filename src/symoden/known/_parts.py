@@ -9,6 +9,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from ._expressions import FUNCTIONS, Expression
+from ._robot import Robot
 
 PARTS: Final = ("mass_matrix", "potential_energy", "input_matrix", "dissipation_matrix")
 
@@ -16,6 +17,7 @@ Entry: TypeAlias = str | float | int
 Scalar: TypeAlias = Entry | Callable[..., Any]
 Matrix: TypeAlias = Sequence[Sequence[Entry]] | np.ndarray | Callable[..., Any]
 
+_OF_ROBOTS: Final = ("mass_matrix", "potential_energy")
 _COORDINATE: Final = re.compile(r"q[1-9][0-9]?")
 _VELOCITY: Final = re.compile(r"v[1-9][0-9]?")
 
@@ -34,6 +36,7 @@ class KnownParts:
         potential_energy: V(q) [J].
         input_matrix: g(q), coordinates × inputs.
         dissipation_matrix: D(q, v), symmetric positive semidefinite, the friction force being D v.
+        robot: Rigid bodies on joints, which give M(q) and V(q) up to what the bodies weigh; see `read_urdf`.
         constants: Values of names that stay as they are.
         parameters: Start values of names that are learned. A parameter keeps the sign of its start value, so that a
             mass stays a mass; one that starts at 0 may take any sign.
@@ -58,15 +61,18 @@ class KnownParts:
     potential_energy: Scalar | None = None
     input_matrix: Matrix | None = None
     dissipation_matrix: Matrix | None = None
+    robot: Robot | None = None
     constants: Mapping[str, float | int] = field(default_factory=dict)
     parameters: Mapping[str, float | int] = field(default_factory=dict)
     correct: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Bring every formula into one form, and refuse what cannot be meant."""
-        for name in self.given:
+        for name in PARTS:
             part = getattr(self, name)
-            if not callable(part):
+            if part is not None and self.robot is not None and name in _OF_ROBOTS:
+                raise ValueError(f"`{name}` must be given once; a robot gives it too. Remove one of them.")
+            if part is not None and not callable(part):
                 rows = (
                     _text(part, name)
                     if name == "potential_energy"
@@ -88,10 +94,11 @@ class KnownParts:
     @property
     def given(self) -> tuple[str, ...]:
         """Names of the parts that are given."""
-        return tuple(name for name in PARTS if getattr(self, name) is not None)
+        by_robot = () if self.robot is None else _OF_ROBOTS
+        return tuple(name for name in PARTS if getattr(self, name) is not None or name in by_robot)
 
     def formulas(self, name: str) -> tuple[str, ...] | None:
-        """Formulas of a part, row by row; None where it is a Python function or not given.
+        """Formulas of a part, row by row; None where it is a Python function, a robot's or not given.
 
         Args:
             name: One of `PARTS`.

@@ -23,6 +23,8 @@ from symoden.blocks import (
     KnownFriction,
     KnownFunction,
     KnownValue,
+    LinksMass,
+    LinksPotential,
     MatrixBlock,
     NoFriction,
     Perceptron,
@@ -95,7 +97,9 @@ def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
     match block:
         case InverseBlock():
             return InverseBlock(_block(block.matrix, 1 / factor))
-        case KnownValue() | KnownFunction() | FormulaBlock() | CorrectedBlock() | CorrectedMatrix():
+        case FormulaBlock() | LinksMass() | LinksPotential():
+            return dataclasses.replace(block, unit=_times(block.unit, factor))
+        case KnownValue() | KnownFunction() | CorrectedBlock() | CorrectedMatrix():
             return _given(block, factor)
         case CholeskyBlock() | GramBlock():
             return dataclasses.replace(block, scale=_times(block.scale, math.sqrt(factor)))
@@ -104,9 +108,7 @@ def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
     raise ValueError(f"Every block must be one of `symoden.blocks`; got {type(block).__name__}. Scale it yourself.")
 
 
-def _given(
-    block: KnownValue | KnownFunction | FormulaBlock | CorrectedBlock | CorrectedMatrix, factor: float
-) -> AbstractBlock:
+def _given(block: KnownValue | KnownFunction | CorrectedBlock | CorrectedMatrix, factor: float) -> AbstractBlock:
     """Scale a field that was given."""
     match block:
         case KnownValue():
@@ -114,8 +116,6 @@ def _given(
         case KnownFunction():
             function = block.function
             return KnownFunction(lambda q: factor * function(q))
-        case FormulaBlock():
-            return dataclasses.replace(block, unit=_times(block.unit, factor))
         case CorrectedBlock():
             return CorrectedBlock(_block(block.given, factor), _block(block.correction, factor))
         case CorrectedMatrix():

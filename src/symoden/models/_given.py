@@ -1,5 +1,6 @@
 """What of a model was given, and whether that fixes the scale of the rest."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Final, Literal, TypeAlias
 
@@ -7,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from symoden.blocks import (
@@ -20,7 +22,10 @@ from symoden.blocks import (
     KnownFriction,
     KnownFunction,
     KnownValue,
+    LinksMass,
+    LinksPotential,
     ViscousFriction,
+    trainable,
 )
 from symoden.mechanics import AbstractDynamics
 
@@ -88,6 +93,8 @@ def _how(block: object) -> Given | None:
             return "given"
         case FormulaBlock(formula=formula) | FormulaFriction(formula=formula):
             return "given up to parameters" if _has_parameters(formula) else "given"
+        case LinksMass() | LinksPotential():
+            return "given up to parameters"
         case CorrectedBlock() | CorrectedMatrix() | CorrectedFriction():
             return "given up to a correction"
     return None
@@ -119,15 +126,13 @@ def _value_and_slopes(
     if parameters is None:
         return value, np.zeros((len(value), 0))
 
+    free, rest = eqx.partition(parameters, trainable(parameters))
+    theta, restore = ravel_pytree(jax.tree.map(lambda leaf: leaf.astype(q.dtype), free))
+
     def at(theta: Float[Array, " k"]) -> Float[Array, " r"]:
-        return part(_with_theta(model, theta))
+        return part(dataclasses.replace(model, parameters=eqx.combine(restore(theta), rest)))
 
-    return value, np.asarray(jax.jacfwd(at)(parameters.theta.astype(q.dtype)))
-
-
-def _with_theta(model: StructuredModel | UnstructuredModel, theta: Float[Array, " k"]) -> StructuredModel:
-    """The model with other parameters."""
-    return eqx.tree_at(lambda model: model.parameters.theta, model, theta)
+    return value, np.asarray(jax.jacfwd(at)(theta))
 
 
 def _is_fixed(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> bool:

@@ -23,10 +23,13 @@ from symoden.blocks import (
     KnownFriction,
     KnownFunction,
     KnownValue,
+    Links,
+    LinksMass,
+    LinksPotential,
     Parameters,
     ViscousFriction,
 )
-from symoden.known import KnownParts
+from symoden.known import KnownParts, Robot
 from symoden.spaces import Space
 
 from ._structured import StructuredModel
@@ -40,7 +43,7 @@ class KnownBlocks(NamedTuple):
         potential: V.
         actuation: g.
         friction: D.
-        parameters: Parameters that formulas share.
+        parameters: Parameters that formulas share, and rigid bodies.
     """
 
     mass: AbstractBlock | None = None
@@ -116,7 +119,13 @@ def known_blocks(known: KnownParts, space: Space, inputs: int) -> KnownBlocks:
     """
     n = space.size
     shapes = {"mass_matrix": (n, n), "potential_energy": (), "input_matrix": (n, inputs), "dissipation_matrix": (n, n)}
-    found: dict[str, Any] = {name: _part(known, name, shapes[name], space) for name in known.given}
+    found: dict[str, Any] = {
+        name: _part(known, name, shapes[name], space) for name in known.given if getattr(known, name) is not None
+    }
+    links = None
+    if known.robot is not None:
+        links, one = _links(known.robot, space), Known(jnp.ones((), float))
+        found |= {"mass_matrix": LinksMass(one), "potential_energy": LinksPotential(one)}
     friction = found.get("dissipation_matrix")
     if isinstance(friction, AbstractBlock):
         friction = ViscousFriction(friction)
@@ -125,8 +134,25 @@ def known_blocks(known: KnownParts, space: Space, inputs: int) -> KnownBlocks:
         potential=found.get("potential_energy"),
         actuation=found.get("input_matrix"),
         friction=friction,
-        parameters=Parameters.init(dict(known.parameters)) if known.parameters else None,
+        parameters=Parameters.init(dict(known.parameters), links) if known.parameters or links is not None else None,
     )
+
+
+def _links(robot: Robot, space: Space) -> Links:
+    """The bodies of a robot whose joints are the coordinates."""
+    names = [body.joint for body in sorted(robot.bodies, key=lambda body: body.coordinate)]
+    if len(names) != space.size:
+        raise ValueError(
+            f"A robot must have one joint for each of the {space.size} coordinates; got {len(names)}: "
+            f"{', '.join(names)}. Name those that move in `joints`, in the order of the positions."
+        )
+    for body in robot.bodies:
+        if body.prismatic and space.is_angle[body.coordinate]:
+            raise ValueError(
+                f"Joint `{body.joint}` slides, but the space {space} has an angle for it, q{body.coordinate + 1}. "
+                "Correct the space, or the order of `joints`."
+            )
+    return Links.of(robot)
 
 
 def _part(known: KnownParts, name: str, shape: tuple[int, ...], space: Space) -> AbstractBlock | AbstractFriction:

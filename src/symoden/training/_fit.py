@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from symoden.blocks import count_parameters, highest_rung
+from symoden.blocks import count_parameters, highest_rung, trainable
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, build, check_known, save
@@ -165,11 +166,13 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     """Split the recordings, build the model, and line up the stages."""
     dataset = hold_out(dataset, config)
     fresh = _builder(dataset, model, config)
-    candidates = [fresh(number) for number in range(config.restarts if config.adam_steps else 1)]
-    dynamics = candidates[0]
+    dynamics = fresh(0)
+    candidates = [fresh(number) for number in range(config.restarts if config.adam_steps else 0)]
+    if eqx.tree_equal(*(eqx.filter(model, trainable(model, corrections=0)) for model in (dynamics, fresh(1)))):
+        candidates = []  # Nothing is drawn: from a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
     if not count_parameters(dynamics):
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
-    stages = line_up(dataset, candidates, config)
+    stages = line_up(dataset, dynamics, candidates, config)
     weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
     state = TrainingState(
         stage=0,

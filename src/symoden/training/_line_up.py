@@ -22,21 +22,23 @@ _CHANCE: Final = 1.0  # Standard errors of a difference in validation that may b
 _CLEAR: Final = 2.0  # The same for what is asked last: ask often enough, and chance says yes.
 
 
-def line_up(dataset: Dataset, candidates: Sequence[AbstractDynamics], config: TrainingConfig) -> list[AbstractStage]:
+def line_up(
+    dataset: Dataset, dynamics: AbstractDynamics, candidates: Sequence[AbstractDynamics], config: TrainingConfig
+) -> list[AbstractStage]:
     """Cut the recordings into windows, and line up the stages.
 
     Args:
         dataset: Recordings, with their validation part.
-        candidates: Untrained models, from whose weights Adam starts in turn.
+        dynamics: Untrained model.
+        candidates: Untrained models like it, from whose weights Adam starts in turn; without any, it is left out.
         config: Settings.
 
     Returns:
         The stages.
     """
-    dynamics = candidates[0]
     free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
-    if config.adam_steps and free:
+    if candidates and free:
         data, optimizer = adam_data(dataset, dynamics, config), adam_optimizer(config)
         name_short(dataset, data)
         many = len(candidates)

@@ -1,0 +1,219 @@
+"""Rigid bodies on joints as blocks: kinematics are given, what the bodies weigh is learned once for M and V."""
+
+from typing import Final, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from symoden.known import Robot
+from symoden.shapes import Coordinates, Scalar, SquareMatrix
+
+from ._fields import AbstractBlock
+from ._known import Known
+
+_ROTOR: Final = 0.05  # Inertia of a drive at the start, beside that of what it moves.
+_LEAST: Final = 1e-3  # The same beside the largest of all joints.
+_LEVI_CIVITA: Final = np.array(
+    [[[(i - j) * (j - k) * (k - i) / 2 for k in range(3)] for j in range(3)] for i in range(3)]
+)
+_QUANTITIES: Final = ("m", "cx", "cy", "cz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "rotor")
+
+
+@final
+class Links(eqx.Module):
+    """Rigid bodies on the joints of a tree.
+
+    A body with the pseudo-inertia J = ∫ x xᵀ dm of its points x = (x, y, z, 1) and the pose T has the kinetic energy
+    ½ tr(Ṫ J Ṫᵀ). With ξᵢ T the derivative of its pose by the joint i that it hangs on, Mᵢⱼ = tr(ξᵢ C ξⱼᵀ), where C is
+    the sum of T J Tᵀ over the bodies that hang on both joints: the composite rigid bodies of Walker & Orin. V is
+    −Σ m gᵀ c.
+
+    What is learned is Λ in J = L Λ Λᵀ Lᵀ, lower triangular with a positive diagonal, one at the start. So every J is
+    positive definite: the numbers are those of a body that can be. Drives add an inertia to the diagonal of M.
+
+    Attributes:
+        joints: Names of the joints, body by body.
+        coordinates: The number of each one's coordinate.
+        parents: The body that carries each one, standing before it; -1 for the base.
+        prismatic: Which ones slide.
+        axes: Their axes, of length one, in their own frames.
+        origins: Poses at coordinate zero, in that of the parent.
+        roots: L, lower triangular.
+        rotors: Inertia of each joint's drive at the start [kg m², or kg].
+        gravity: Acceleration of free fall [m/s²].
+        theta: What is learned: logarithms of the diagonal of Λ, its rows below that, and the logarithm of the factor on
+            the drive's inertia.
+
+    References:
+        Walker & Orin (1982), *Efficient dynamic computer simulation of robotic mechanisms*; Wensing, Kim & Slotine
+        (2018), *Linear matrix inequalities for physically consistent inertial parameter identification*: the
+        pseudo-inertia; Rucker & Wensing (2022), *Smooth parameterization of rigid-body inertia*: its triangle.
+    """
+
+    joints: tuple[str, ...] = eqx.field(static=True)
+    coordinates: tuple[int, ...] = eqx.field(static=True)
+    parents: tuple[int, ...] = eqx.field(static=True)
+    prismatic: tuple[bool, ...] = eqx.field(static=True)
+    axes: Known
+    origins: Known
+    roots: Known
+    rotors: Known
+    gravity: Known
+    theta: Float[Array, "b 11"]
+
+    @classmethod
+    def of(cls, robot: Robot) -> "Links":
+        """Begin with the robot's own numbers.
+
+        Args:
+            robot: The robot.
+
+        Returns:
+            The bodies.
+        """
+        bodies = robot.bodies
+        inertias = np.array([body.inertia for body in bodies])
+        roots = np.array([np.linalg.cholesky(J) if J[3, 3] > 0 else np.zeros((4, 4)) for J in inertias])
+        found = cls(
+            joints=tuple(body.joint for body in bodies),
+            coordinates=tuple(body.coordinate for body in bodies),
+            parents=tuple(body.parent for body in bodies),
+            prismatic=tuple(body.prismatic for body in bodies),
+            axes=_known(np.array([body.axis for body in bodies])),
+            origins=_known(np.array([body.origin for body in bodies])),
+            roots=_known(roots),
+            rotors=_known(np.zeros(len(bodies))),
+            gravity=_known(np.array(robot.gravity)),
+            theta=jnp.zeros((len(bodies), len(_QUANTITIES)), float),
+        )
+        moved = np.diag(found.mass_matrix(jnp.zeros(len(bodies), float)))[list(found.coordinates)]
+        return eqx.tree_at(lambda links: links.rotors, found, _known(np.maximum(_ROTOR * moved, _LEAST * moved.max())))
+
+    def mass_matrix(self, q: Coordinates) -> SquareMatrix:
+        """M at the configuration `q`."""
+        poses, composites = self._composites(q)
+        slides = np.array(self.prismatic)[:, None]
+        axes = jnp.einsum("kab,kb->ka", poses[:, :3, :3], self.axes.value)
+        turns = jnp.einsum("abc,kb->kac", _LEVI_CIVITA.astype(q.dtype), jnp.where(slides, 0, axes))
+        shifts = jnp.where(slides, axes, -jnp.einsum("kab,kb->ka", turns, poses[:, :3, 3]))
+        twists = jnp.concatenate([turns, shifts[:, :, None]], axis=2)  # The first three rows of ξ; the last is zero.
+        matrix = jnp.einsum("iab,jab->ij", twists, jnp.einsum("kab,kbc->kac", twists, composites))
+        matrix = matrix * self._hangs.astype(q.dtype)
+        matrix = matrix + jnp.triu(matrix, 1).T + jnp.diag(self.rotors.value * jnp.exp(self.theta[:, -1]))
+        order = np.argsort(self.coordinates)
+        return matrix[np.ix_(order, order)]
+
+    def potential_energy(self, q: Coordinates) -> Scalar:
+        """V at the configuration `q` [J]."""
+        _, composites = self._composites(q)
+        roots = [k for k, parent in enumerate(self.parents) if parent < 0]
+        return -jnp.sum(composites[np.array(roots), :3, 3] @ self.gravity.value)
+
+    @property
+    def quantities(self) -> dict[str, Array]:
+        """Mass [kg], centre of mass [m], moments of inertia about it [kg m²] and the drive's, by joint and name."""
+        found: dict[str, Array] = {}
+        rotors = self.rotors.value * jnp.exp(self.theta[:, -1])
+        for joint, U, rotor in zip(self.joints, self._roots(), rotors, strict=True):
+            J = U @ U.T
+            m = jnp.maximum(J[3, 3], jnp.finfo(J.dtype).tiny)
+            centre = J[:3, 3] / m
+            second = J[:3, :3] - m * jnp.outer(centre, centre)
+            inertia = jnp.trace(second) * jnp.eye(3, dtype=J.dtype) - second
+            rest = (inertia[i, k] for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+            found |= {
+                f"{joint}.{name}": value for name, value in zip(_QUANTITIES, (m, *centre, *rest, rotor), strict=True)
+            }
+        return found
+
+    @property
+    def _hangs(self) -> np.ndarray:
+        """Which body j hangs on which joint i, its own included."""
+        found = np.eye(len(self.parents), dtype=bool)
+        for j, parent in enumerate(self.parents):
+            if parent >= 0:
+                found[:, j] |= found[:, parent]
+        return found
+
+    def _roots(self) -> Float[Array, "b 4 4"]:
+        """L Λ of every body."""
+        diagonal = jax.vmap(jnp.diag)(jnp.exp(self.theta[:, :4]))
+        rows, columns = np.tril_indices(4, -1)
+        return _product(self.roots.value, diagonal.at[:, rows, columns].set(self.theta[:, 4:10]))
+
+    def _composites(self, q: Coordinates) -> tuple[Float[Array, "b 4 4"], Float[Array, "b 4 4"]]:
+        """Pose of every body, and the sum of T J Tᵀ over all that hang on its joint."""
+        poses: list[Float[Array, "4 4"]] = []
+        for parent, placed in zip(self.parents, self._placed(q), strict=True):
+            poses.append(placed if parent < 0 else _product(poses[parent], placed))
+        rooted = _product(jnp.stack(poses), self._roots())
+        own = _product(rooted, jnp.swapaxes(rooted, 1, 2))
+        return jnp.stack(poses), jnp.einsum("ij,jab->iab", self._hangs.astype(q.dtype), own)
+
+    def _placed(self, q: Coordinates) -> Float[Array, "b 4 4"]:
+        """Pose of every body in that of its parent, by Rodrigues' formula or a shift along the axis."""
+        slides = np.array(self.prismatic)[:, None, None]
+        cross = jnp.einsum("abc,kb->kac", _LEVI_CIVITA.astype(q.dtype), self.axes.value)
+        generators = jnp.where(
+            slides,
+            jnp.pad(self.axes.value[:, :, None], ((0, 0), (0, 1), (3, 0))),
+            jnp.pad(cross, ((0, 0), (0, 1), (0, 1))),
+        )
+        first = self.origins.value @ generators
+        second = first @ generators
+        x = q[np.array(self.coordinates)][:, None, None]
+        return self.origins.value + jnp.where(slides, x, jnp.sin(x)) * first + (1 - jnp.cos(x)) * second
+
+
+@final
+class LinksMass(AbstractBlock):
+    """M of rigid bodies on joints.
+
+    Attributes:
+        unit: Factor, 1 unless the unit of momentum was changed.
+        links: The bodies, which `with_parameters` fills in.
+    """
+
+    unit: Known
+    links: Links | None = None
+
+    def __call__(self, q: Coordinates) -> Float[Array, "..."]:
+        """Value at the configuration `q`."""
+        return self.unit.value * _filled(self.links).mass_matrix(q)
+
+
+@final
+class LinksPotential(AbstractBlock):
+    """V of rigid bodies on joints.
+
+    Attributes:
+        unit: Factor, 1 unless the unit of momentum was changed.
+        links: The bodies, which `with_parameters` fills in.
+    """
+
+    unit: Known
+    links: Links | None = None
+
+    def __call__(self, q: Coordinates) -> Float[Array, "..."]:
+        """Value at the configuration `q`."""
+        return self.unit.value * _filled(self.links).potential_energy(q)
+
+
+def _filled(links: Links | None) -> Links:
+    """The bodies, without which a block has no value."""
+    if links is None:
+        raise ValueError("Blocks of rigid bodies must be given these by `with_parameters` before they are called.")
+    return links
+
+
+def _known(values: np.ndarray) -> Known:
+    """Constants in the default precision."""
+    return Known(jnp.asarray(values, float))
+
+
+def _product(A: Float[Array, "*B 4 4"], B: Float[Array, "*B 4 4"]) -> Float[Array, "*B 4 4"]:
+    """A B: sums of products, which a compiler makes one loop of, are faster than many products of small matrices."""
+    return jnp.sum(A[..., :, :, None] * B[..., None, :, :], axis=-2)

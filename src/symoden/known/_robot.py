@@ -1,0 +1,249 @@
+"""Rigid bodies on joints, read from a URDF file: the kinematics are given, what the bodies weigh is a first guess."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+
+Vector: TypeAlias = tuple[float | int, ...]
+Matrix: TypeAlias = tuple[Vector, ...]
+
+GRAVITY: Final = (0.0, 0.0, -9.81)
+
+_MOVING: Final = ("revolute", "continuous", "prismatic")
+_LARGEST: Final = 10**7  # Bytes of a file.
+_THINNEST: Final = 1e-3  # Least second moment of a body's mass beside its largest: a rod's.
+_SMALLEST: Final = 1e-3  # Least radius of gyration [m].
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """What moves with one joint.
+
+    Attributes:
+        joint: The joint's name.
+        coordinate: Number of its coordinate.
+        parent: Number of the body that carries it, which stands before it; -1 for the base.
+        prismatic: It slides along its axis instead of turning about it.
+        axis: The axis, of length one, in the frame of the joint.
+        origin: Frame of the joint at coordinate zero in that of the parent's, 4 × 4.
+        inertia: Pseudo-inertia ∫ x xᵀ dm of (x, y, z, 1) in the frame of the joint, 4 × 4 [kg m², kg m, kg].
+    """
+
+    joint: str
+    coordinate: int
+    parent: int
+    prismatic: bool
+    axis: Vector
+    origin: Matrix
+    inertia: Matrix
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """Rigid bodies on joints. Kinematics are given; masses, centres and inertias are where learning starts from.
+
+    Attributes:
+        bodies: From the base outwards.
+        gravity: Acceleration of free fall in the frame of the base [m/s²].
+    """
+
+    bodies: tuple[Body, ...]
+    gravity: Vector = GRAVITY
+
+
+class _Joint(NamedTuple):
+    """A joint as the file has it."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: np.ndarray
+    axis: np.ndarray
+
+
+def read_urdf(
+    path: Path | str, *, joints: Sequence[str] | None = None, gravity: Sequence[float | int] = GRAVITY
+) -> Robot:
+    """Read a robot from a URDF file.
+
+    Args:
+        path: The file.
+        joints: Names of the joints that move, in the order of the coordinates; the others stay at zero, as fingers of a
+            gripper may. All that can move, from the base outwards, if None.
+        gravity: Acceleration of free fall in the frame of the base [m/s²]; another one where the base is tilted.
+
+    Returns:
+        The robot. Moments of inertia that no body can have are brought to the next that one can.
+
+    Raises:
+        ValueError: If the file is no URDF of one tree, a number is unfit, or a joint is unknown or of another kind.
+        OSError: If the file cannot be read.
+    """
+    root = _parse(Path(path))
+    links = {_name(node, "link"): _pseudo_inertia(node) for node in root.findall("link")}
+    every = [_joint(node) for node in root.findall("joint")]
+    tree = _outwards(every, links)
+    chosen = [joint.name for joint in tree if joint.kind in _MOVING] if joints is None else list(joints)
+    _refuse_joints(chosen, tree)
+    carried = {link: (-1, np.eye(4)) for link in links}  # The body that each link belongs to, and where on it.
+    found: list[tuple[_Joint, int, np.ndarray]] = []
+    inertias: list[np.ndarray] = []
+    for joint in tree:
+        body, frame = carried[joint.parent]
+        frame = frame @ joint.origin
+        if joint.name in chosen:
+            found.append((joint, body, frame))
+            inertias.append(np.zeros((4, 4)))
+            body, frame = len(found) - 1, np.eye(4)
+        carried[joint.child] = body, frame
+        if body >= 0:
+            inertias[body] += frame @ links[joint.child] @ frame.T
+    if not any(inertia[3, 3] > 0 for inertia in inertias):
+        raise ValueError(
+            "A body that moves must have a mass; none has. Give the links their <inertial>, if only roughly."
+        )
+    bodies = tuple(
+        Body(
+            joint=joint.name,
+            coordinate=chosen.index(joint.name),
+            parent=parent,
+            prismatic=joint.kind == "prismatic",
+            axis=_tuple(joint.axis),
+            origin=tuple(map(_tuple, frame)),
+            inertia=tuple(map(_tuple, inertia)),
+        )
+        for (joint, parent, frame), inertia in zip(found, inertias, strict=True)
+    )
+    return Robot(bodies=bodies, gravity=_tuple(_numbers(" ".join(map(str, gravity)), 3, "`gravity`")))
+
+
+def _parse(path: Path) -> ET.Element:
+    """Root of the file's tree, which may define nothing of its own."""
+    content = path.read_bytes()
+    if len(content) > _LARGEST or b"<!ENTITY" in content or b"<!DOCTYPE" in content:
+        raise ValueError(f"a URDF must be a plain XML file of at most {_LARGEST} bytes, without a DOCTYPE. Remove it.")
+    try:
+        root = ET.fromstring(content)
+    except (ET.ParseError, ValueError, RecursionError) as error:
+        raise ValueError(f"a URDF must be an XML file; reading stopped at: {error}.") from None
+    if root.tag != "robot":
+        raise ValueError(f"a URDF must begin with <robot>; got <{root.tag}>. (Xacro must be expanded first.)")
+    return root
+
+
+def _outwards(joints: Sequence[_Joint], links: Mapping[str, np.ndarray]) -> list[_Joint]:
+    """The joints from the base outwards, branch by branch."""
+    for what, names in (("link", [joint.child for joint in joints]), ("joint", [joint.name for joint in joints])):
+        twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+        if twice is not None:
+            raise ValueError(f"every joint must have a name and a child of its own; the {what} `{twice}` stands twice.")
+    for joint in joints:
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ValueError(f"joint `{joint.name}`: its parent and its child must be links; there is no `{link}`.")
+    children = {joint.child for joint in joints}
+    waiting = [joint for joint in joints if joint.parent not in children][::-1]
+    found: list[_Joint] = []
+    while waiting:
+        found.append(waiting.pop())
+        waiting.extend([joint for joint in joints if joint.parent == found[-1].child][::-1])
+    if len(found) < len(joints):
+        raise ValueError(
+            "the links must hang together as a tree; some joints go round in a circle. Remove one of them."
+        )
+    return found
+
+
+def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint]) -> None:
+    """Refuse coordinates that are no joints, or none that are supported."""
+    kinds = {joint.name: joint.kind for joint in tree}
+    moving = ", ".join(f"`{name}`" for name, kind in kinds.items() if kind in _MOVING)
+    if not chosen:
+        raise ValueError(f"a robot must have a joint that moves, {' or '.join(_MOVING)}; got {moving or 'none'}.")
+    for k, name in enumerate(chosen):
+        if name not in kinds or name in chosen[:k] or kinds[name] not in _MOVING:
+            got = "twice" if name in chosen[:k] else kinds.get(name, "none of that name")
+            raise ValueError(f"`joints` must be names of joints that move, once each, of {moving}; `{name}`: {got}.")
+    for name, kind in kinds.items():
+        if kind not in (*_MOVING, "fixed"):
+            raise ValueError(f"joint `{name}` must be fixed, {' or '.join(_MOVING)}; got {kind}. Replace it by these.")
+
+
+def _joint(node: ET.Element) -> _Joint:
+    """A joint."""
+    name = _name(node, "joint")
+    ends = [node.find(end) for end in ("parent", "child")]
+    parent, child = ("" if end is None else end.get("link", "") for end in ends)
+    axis = node.find("axis")
+    direction = _numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0"), 3, f"joint `{name}`: its axis")
+    length = np.linalg.norm(direction)
+    kind = node.get("type", "")
+    if kind in _MOVING and not length > 0:
+        raise ValueError(f"joint `{name}`: its axis must have a length; got zero.")
+    if node.find("mimic") is not None:
+        raise ValueError(f"joint `{name}` must move by itself; it mimics another one. Make it fixed.")
+    return _Joint(name, kind, parent, child, _frame(node, f"joint `{name}`"), direction / (length or 1))
+
+
+def _pseudo_inertia(node: ET.Element) -> np.ndarray:
+    """∫ x xᵀ dm of a link in its own frame; zero for one without a mass."""
+    what = f"link `{_name(node, 'link')}`"
+    inertial = node.find("inertial")
+    if inertial is None:
+        return np.zeros((4, 4))
+    mass_node, inertia_node = inertial.find("mass"), inertial.find("inertia")
+    mass = float(_numbers("" if mass_node is None else mass_node.get("value", ""), 1, f"{what}: its mass")[0])
+    if mass < 0:
+        raise ValueError(f"{what}: its mass must not be below zero; got {mass:g}.")
+    names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    texts = " ".join("0" if inertia_node is None else inertia_node.get(name, "0") for name in names)
+    xx, xy, xz, yy, yz, zz = _numbers(texts, 6, f"{what}: its inertia")
+    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments, basis = np.linalg.eigh(0.5 * np.trace(about) * np.eye(3) - about)
+    moments = np.maximum(moments, max(_THINNEST * moments[-1], mass * _SMALLEST**2)) if mass else np.zeros(3)
+    central = np.zeros((4, 4))
+    central[:3, :3], central[3, 3] = (basis * moments) @ basis.T, mass
+    frame = _frame(inertial, what)
+    return frame @ central @ frame.T
+
+
+def _frame(node: ET.Element, what: str) -> np.ndarray:
+    """The <origin> of a node, 4 × 4."""
+    from scipy.spatial.transform import Rotation
+
+    origin = node.find("origin")
+    found = np.eye(4)
+    if origin is not None:
+        found[:3, 3] = _numbers(origin.get("xyz", "0 0 0"), 3, f"{what}: its origin")
+        roll, pitch, yaw = _numbers(origin.get("rpy", "0 0 0"), 3, f"{what}: its origin's angles")
+        found[:3, :3] = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
+    return found
+
+
+def _name(node: ET.Element, what: str) -> str:
+    """A node's name."""
+    name = node.get("name", "")
+    if not name:
+        raise ValueError(f"every {what} must have a name; one has none.")
+    return name
+
+
+def _numbers(text: str, count: int, what: str) -> np.ndarray:
+    """Finite numbers of a text."""
+    try:
+        found = np.array([float(part) for part in text.split()])
+    except ValueError:
+        found = np.zeros(0)
+    if found.shape != (count,) or not np.isfinite(found).all():
+        raise ValueError(f"{what} must be {count} finite number{'s' if count > 1 else ''}; got {text[:60]!r}.")
+    return found
+
+
+def _tuple(row: np.ndarray) -> tuple[float, ...]:
+    """Plain numbers."""
+    return tuple(row.tolist())
