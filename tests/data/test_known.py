@@ -80,3 +80,39 @@ def test_the_example_of_an_arm_is_read():
     known = read_description(EXAMPLES / "dfki-c1-known.toml").known
     assert known is not None
     assert len(known.parameters) == 11
+
+
+LINK = '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="2"/></inertial></link>{}</robot>'
+HINGE = '<joint name="hinge" type="continuous"><parent link="a"/><child link="b"/></joint>'
+
+
+def test_a_robot_stands_beside_the_description(tmp_path):
+    (tmp_path / "arm.urdf").write_text(LINK.format(HINGE))
+    for line in ('robot = "arm.urdf"', 'robot = { urdf = "arm.urdf", joints = ["hinge"], gravity = [0, 0, -9.81] }'):
+        known = read_description(described(tmp_path, f"{LEAST}[known]\n{line}\n")).known
+        assert known is not None
+        assert known.robot is not None
+        assert known.given == ("mass_matrix", "potential_energy")
+        assert [body.joint for body in known.robot.bodies] == ["hinge"]
+        assert known.robot.gravity == (0, 0, -9.81)
+
+
+BAD_ROBOTS = [
+    ("robot = 3", "`robot` must be the path of a URDF file"),
+    ("robot = { joints = [] }", "`robot` must be the path of a URDF file"),
+    ('robot = "leg.urdf"', "leg.urdf` cannot be read: No such file"),
+    ('robot = { urdf = "arm.urdf", joint = ["hinge"] }', "has no key `joint`. Did you mean `joints`"),
+    ('robot = { urdf = "arm.urdf", joints = "hinge" }', "`joints` must be a list of names"),
+    ('robot = { urdf = "arm.urdf", joints = ["knee"] }', "arm.urdf`: `joints` must be names of joints that move"),
+    ('robot = { urdf = "arm.urdf", gravity = -9.81 }', "`gravity` must be a list of three numbers"),
+    ('robot = { urdf = "arm.urdf", gravity = ["g"] }', "`gravity` must be a list of three numbers"),
+    ('robot = { urdf = "arm.urdf", gravity = [0, -9.81] }', "`gravity` must be 3 finite numbers"),
+    ('robot = "arm.urdf"\nmass_matrix = [[1]]', "`mass_matrix` must be given once; a robot gives it too"),
+]
+
+
+@pytest.mark.parametrize(("line", "message"), BAD_ROBOTS, ids=[message for _, message in BAD_ROBOTS])
+def test_robots_that_cannot_be_meant_are_refused(tmp_path, line, message):
+    (tmp_path / "arm.urdf").write_text(LINK.format(HINGE))
+    with pytest.raises(DataError, match=message):
+        read_description(described(tmp_path, f"{LEAST}[known]\n{line}\n"))

@@ -57,7 +57,7 @@ def _read_robot(path: Path, table: object) -> Robot:
     joints, gravity, file = given.get("joints"), given.get("gravity", GRAVITY), path.parent / given["urdf"]
     if joints is not None and not (isinstance(joints, list) and all(isinstance(name, str) for name in joints)):
         raise ValueError(f"`robot`: `joints` must be a list of names; got {joints!r}.")
-    if not isinstance(gravity, list | tuple):
+    if not (isinstance(gravity, list | tuple) and all(type(number) in (int, float) for number in gravity)):
         raise ValueError(f"`robot`: `gravity` must be a list of three numbers [m/s²]; got {gravity!r}.")
     try:
         return read_urdf(file, joints=joints, gravity=gravity)
