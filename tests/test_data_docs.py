@@ -11,7 +11,7 @@ import symoden
 from symoden.data import DataError
 from symoden.data._description import _KEYS, _PART_KEYS, _PARTS, read_description
 from symoden.data._findings import Kind
-from symoden.data._known import _KEYS as _KNOWN_KEYS
+from symoden.data._known import _KEYS as _KNOWN_KEYS, _ROBOT
 from symoden.data._readers import _ARRAYS, _TABLES
 from symoden.data._units import UNITS
 from symoden.known import FUNCTIONS
@@ -36,6 +36,7 @@ def test_every_key_of_a_description_is_documented_and_no_other():
     assert first_cells("key") == sorted([*_KEYS, *(f"[{part}]" for part in (*_PARTS, "known"))])
     assert first_cells("key of `[train]`, `[test]`, `[validation]`") == sorted(_PART_KEYS)
     assert first_cells("key of `[known]`") == sorted(_KNOWN_KEYS)
+    assert first_cells("key of `robot`") == sorted(_ROBOT)
 
 
 def test_every_unit_format_and_finding_is_documented_and_no_other():
