@@ -88,8 +88,8 @@ REFUSED = [
         "`slide` must be fixed, revolute or continuous or prismatic; got planar",
     ),
     (('child link="lower"', 'child link="arm"'), "there is no `arm`"),
-    (('child link="lower"', 'child link="upper"'), "the link `upper` stands twice"),
-    (('name="slide"', 'name="shoulder"'), "the joint `shoulder` stands twice"),
+    (('child link="lower"', 'child link="upper"'), "the link `upper` has 2"),
+    (('name="slide"', 'name="shoulder"'), "the joint `shoulder` has 2"),
     (('parent link="base"', 'parent link="tool"'), "go round in a circle"),
     (('name="slide"', ""), "every joint must have a name"),
     (('<axis xyz="0 2 0"/>', '<mimic joint="slide"/>'), "joint `shoulder` must move by itself"),
@@ -121,6 +121,15 @@ def test_coordinates_must_be_joints_that_move(urdf, joints, message):
 def test_gravity_must_be_three_numbers(urdf, gravity):
     with pytest.raises(ValueError, match="`gravity` must be 3 finite numbers"):
         read_urdf(urdf(), gravity=gravity)
+
+
+def test_a_long_chain_is_read_as_well(urdf):
+    links = "".join(f'<link name="l{k}"><inertial><mass value="1"/></inertial></link>' for k in range(3000))
+    kinds = ["fixed"] * 2998 + ["continuous"]
+    ends = '<parent link="l{0}"/><child link="l{1}"/>'
+    joints = "".join(f'<joint name="j{k}" type="{kinds[k]}">{ends.format(k, k + 1)}</joint>' for k in range(2999))
+    (body,) = read_urdf(urdf(f'<robot name="chain">{joints}{links}</robot>')).bodies
+    assert body.joint == "j2998"
 
 
 def test_a_robot_gives_inertia_and_energy_once(urdf):

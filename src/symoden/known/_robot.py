@@ -1,6 +1,7 @@
 """Rigid bodies on joints, read from a URDF file: the kinematics are given, what the bodies weigh is a first guess."""
 
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -90,13 +91,14 @@ def read_urdf(
     tree = _outwards(every, links)
     chosen = [joint.name for joint in tree if joint.kind in _MOVING] if joints is None else list(joints)
     _refuse_joints(chosen, tree)
+    coordinates = {name: k for k, name in enumerate(chosen)}
     carried = {link: (-1, np.eye(4)) for link in links}  # The body that each link belongs to, and where on it.
     found: list[tuple[_Joint, int, np.ndarray]] = []
     inertias: list[np.ndarray] = []
     for joint in tree:
         body, frame = carried[joint.parent]
         frame = frame @ joint.origin
-        if joint.name in chosen:
+        if joint.name in coordinates:
             found.append((joint, body, frame))
             inertias.append(np.zeros((4, 4)))
             body, frame = len(found) - 1, np.eye(4)
@@ -110,7 +112,7 @@ def read_urdf(
     bodies = tuple(
         Body(
             joint=joint.name,
-            coordinate=chosen.index(joint.name),
+            coordinate=coordinates[joint.name],
             parent=parent,
             prismatic=joint.kind == "prismatic",
             axis=_tuple(joint.axis),
@@ -139,19 +141,22 @@ def _parse(path: Path) -> ET.Element:
 def _outwards(joints: Sequence[_Joint], links: Mapping[str, np.ndarray]) -> list[_Joint]:
     """The joints from the base outwards, branch by branch."""
     for what, names in (("link", [joint.child for joint in joints]), ("joint", [joint.name for joint in joints])):
-        twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
-        if twice is not None:
-            raise ValueError(f"every joint must have a name and a child of its own; the {what} `{twice}` stands twice.")
+        name, count = Counter(names).most_common(1)[0] if names else ("", 0)
+        if count > 1:
+            raise ValueError(f"every joint must have a name and a child of its own; the {what} `{name}` has {count}.")
     for joint in joints:
         for link in (joint.parent, joint.child):
             if link not in links:
                 raise ValueError(f"joint `{joint.name}`: its parent and its child must be links; there is no `{link}`.")
+    hanging: dict[str, list[_Joint]] = {link: [] for link in links}
+    for joint in reversed(joints):
+        hanging[joint.parent].append(joint)
     children = {joint.child for joint in joints}
-    waiting = [joint for joint in joints if joint.parent not in children][::-1]
+    waiting = [joint for joint in reversed(joints) if joint.parent not in children]
     found: list[_Joint] = []
     while waiting:
         found.append(waiting.pop())
-        waiting.extend([joint for joint in joints if joint.parent == found[-1].child][::-1])
+        waiting.extend(hanging[found[-1].child])
     if len(found) < len(joints):
         raise ValueError(
             "the links must hang together as a tree; some joints go round in a circle. Remove one of them."
@@ -165,9 +170,9 @@ def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint]) -> None:
     moving = ", ".join(f"`{name}`" for name, kind in kinds.items() if kind in _MOVING)
     if not chosen:
         raise ValueError(f"a robot must have a joint that moves, {' or '.join(_MOVING)}; got {moving or 'none'}.")
-    for k, name in enumerate(chosen):
-        if name not in kinds or name in chosen[:k] or kinds[name] not in _MOVING:
-            got = "twice" if name in chosen[:k] else kinds.get(name, "none of that name")
+    for name, count in Counter(chosen).items():
+        if count > 1 or kinds.get(name) not in _MOVING:
+            got = "twice" if count > 1 else kinds.get(name, "none of that name")
             raise ValueError(f"`joints` must be names of joints that move, once each, of {moving}; `{name}`: {got}.")
     for name, kind in kinds.items():
         if kind not in (*_MOVING, "fixed"):
