@@ -10,7 +10,7 @@ import pytest
 
 from symoden.blocks import Correction
 from symoden.data import Dataset, Trajectory
-from symoden.known import KnownParts
+from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, ModelConfig
 from symoden.spaces import Space
 from symoden.systems import Pendulum
@@ -68,6 +68,28 @@ def test_a_part_that_is_nearly_right_is_corrected_in_the_growth_stage(pendulum):
     q = jnp.array([1.2])
     slopes = [float(jax.grad(model.potential_energy)(q)[0]) for model in (before, after)]
     assert slopes == pytest.approx([0.8 * LOAD * np.sin(1.2), LOAD * np.sin(1.2)], rel=0.02)
+
+
+def test_what_hangs_on_a_robots_joint_is_recovered(pendulum):
+    guess = np.array([[0.3, 0, 0, 0], [0, 0.3, 0, 0], [0, 0, 0.5, -0.4], [0, 0, -0.4, 0.8]])
+    body = Body(
+        joint="hinge",
+        coordinate=0,
+        parent=-1,
+        prismatic=False,
+        axis=(0, 1, 0),
+        origin=tuple(map(tuple, np.eye(4).tolist())),
+        inertia=tuple(map(tuple, guess.tolist())),
+    )
+    formulas = {name: EXACT[name] for name in ("input_matrix", "dissipation_matrix")}
+    dataset = knowing(pendulum(), robot=Robot(bodies=(body,)), parameters={"d": 0.05}, **formulas)
+    stages, _ = _prepare(dataset, MODEL, dataclasses.replace(STEPS, adam_steps=9))
+    assert [stage.name for stage in stages] == ["levenberg-marquardt"]  # Nothing is drawn that Adam could be for.
+    found: Any = fit(dataset, model=MODEL, config=STEPS).model
+    q = jnp.array([0.4])
+    assert found.mass_matrix(q)[0, 0] == pytest.approx(INERTIA, rel=1e-3)
+    assert jax.grad(found.potential_energy)(q)[0] == pytest.approx(LOAD * np.sin(0.4), rel=1e-3)
+    assert found.parameters.quantities["d"] == pytest.approx(0.2, rel=1e-3)
 
 
 def test_nothing_to_learn_is_refused(pendulum, quick):
