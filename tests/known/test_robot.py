@@ -1,6 +1,7 @@
 """Robots from URDF files: what is read, and what is refused."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -136,6 +137,7 @@ def test_a_robot_gives_inertia_and_energy_once(urdf):
     robot = read_urdf(urdf())
     assert KnownParts(robot=robot).given == ("mass_matrix", "potential_energy")
     assert KnownParts(robot=robot, input_matrix=[[1], [0], [0]], correct=("mass_matrix",)).correct == ("mass_matrix",)
-    for part in ({"mass_matrix": [[1]]}, {"potential_energy": "0"}):
+    twice: tuple[dict[str, Any], ...] = ({"mass_matrix": [[1]]}, {"potential_energy": "0"})
+    for part in twice:
         with pytest.raises(ValueError, match="must be given once; a robot gives it too"):
             KnownParts(robot=robot, **part)
