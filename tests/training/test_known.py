@@ -83,8 +83,9 @@ def test_what_hangs_on_a_robots_joint_is_recovered(pendulum):
     )
     formulas = {name: EXACT[name] for name in ("input_matrix", "dissipation_matrix")}
     dataset = knowing(pendulum(), robot=Robot(bodies=(body,)), parameters={"d": 0.05}, **formulas)
-    stages, _ = _prepare(dataset, MODEL, dataclasses.replace(STEPS, adam_steps=9))
-    assert [stage.name for stage in stages] == ["levenberg-marquardt"]  # Nothing is drawn that Adam could be for.
+    for steps, names in ((8, ["levenberg-marquardt"]), (0, ["adam"])):  # Nothing is drawn that Adam were needed for.
+        config = dataclasses.replace(STEPS, adam_steps=9, lm_steps=steps, restarts=1)
+        assert [stage.name for stage in _prepare(dataset, MODEL, config)[0]] == names
     found: Any = fit(dataset, model=MODEL, config=STEPS).model
     q = jnp.array([0.4])
     assert found.mass_matrix(q)[0, 0] == pytest.approx(INERTIA, rel=1e-3)

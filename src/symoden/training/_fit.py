@@ -168,8 +168,9 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     fresh = _builder(dataset, model, config)
     dynamics = fresh(0)
     candidates = [fresh(number) for number in range(config.restarts if config.adam_steps else 0)]
-    if eqx.tree_equal(*(eqx.filter(model, trainable(model, corrections=0)) for model in (dynamics, fresh(1)))):
-        candidates = []  # Nothing is drawn: from a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
+    drawn = (eqx.filter(each, trainable(each, corrections=0)) for each in (dynamics, fresh(1)))
+    if config.lm_steps and eqx.tree_equal(*drawn):
+        candidates = []  # Nothing is: from a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
     if not count_parameters(dynamics):
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
     stages = line_up(dataset, dynamics, candidates, config)
