@@ -168,7 +168,6 @@ def test_random_forces_make_residuals_alike_and_whitening_undoes_it(pushed):
     plain = Linearization.at(restore, theta, objective.refined(RK4(), Weighing.plain(3)), batch).normal_equations()
     alike = independent_variance(plain) / plain.loss
     assert float(weighing.effect) < 0.6 * alike
-    assert float(weighing.effect) >= 1
 
 
 def test_estimated_starts_leave_errors_as_they_are(pushed):

@@ -45,7 +45,7 @@ from ._functions import (
 )
 from ._harmonics import Harmonics as Harmonics, products as products
 from ._known import Known as Known
-from ._links import Links as Links, LinksMass as LinksMass, LinksPotential as LinksPotential
+from ._links import Links as Links, LinksBlock as LinksBlock
 from ._trainable import (
     RUNGS as RUNGS,
     count_parameters as count_parameters,
@@ -84,8 +84,7 @@ __all__ = [
     "KnownFunction",
     "KnownValue",
     "Links",
-    "LinksMass",
-    "LinksPotential",
+    "LinksBlock",
     "MatrixBlock",
     "Network",
     "NoFriction",

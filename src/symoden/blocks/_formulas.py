@@ -14,7 +14,7 @@ from symoden.shapes import Coordinates, DissipationMatrix, Velocities
 from ._fields import AbstractBlock
 from ._friction import AbstractFriction
 from ._known import Known
-from ._links import Links, LinksMass, LinksPotential
+from ._links import Links, LinksBlock
 
 Tree = TypeVar("Tree", bound=PyTree)
 
@@ -130,13 +130,11 @@ def with_parameters(tree: Tree, parameters: Parameters | None) -> Tree:
         match node:
             case Formula():
                 return Formula(node.texts, node.shape, node.constants, parameters.names, parameters.values)
-            case LinksMass():
-                return LinksMass(node.unit, parameters.links)
-            case LinksPotential():
-                return LinksPotential(node.unit, parameters.links)
+            case LinksBlock():
+                return LinksBlock(node.part, node.unit, parameters.links)
         return node
 
-    return jax.tree.map(fill, tree, is_leaf=lambda node: isinstance(node, Formula | LinksMass | LinksPotential))
+    return jax.tree.map(fill, tree, is_leaf=lambda node: isinstance(node, Formula | LinksBlock))
 
 
 @final

@@ -169,44 +169,25 @@ class Links(eqx.Module):
 
 
 @final
-class LinksMass(AbstractBlock):
-    """M of rigid bodies on joints.
+class LinksBlock(AbstractBlock):
+    """M or V of rigid bodies on joints.
 
     Attributes:
+        part: Which of both, `mass_matrix` or `potential_energy`.
         unit: Factor, 1 unless the unit of momentum was changed.
         links: The bodies, which `with_parameters` fills in.
     """
 
+    part: str = eqx.field(static=True)
     unit: Known
     links: Links | None = None
 
     def __call__(self, q: Coordinates) -> Float[Array, "..."]:
         """Value at the configuration `q`."""
-        return self.unit.value * _filled(self.links).mass_matrix(q)
-
-
-@final
-class LinksPotential(AbstractBlock):
-    """V of rigid bodies on joints.
-
-    Attributes:
-        unit: Factor, 1 unless the unit of momentum was changed.
-        links: The bodies, which `with_parameters` fills in.
-    """
-
-    unit: Known
-    links: Links | None = None
-
-    def __call__(self, q: Coordinates) -> Float[Array, "..."]:
-        """Value at the configuration `q`."""
-        return self.unit.value * _filled(self.links).potential_energy(q)
-
-
-def _filled(links: Links | None) -> Links:
-    """The bodies, without which a block has no value."""
-    if links is None:
-        raise ValueError("Blocks of rigid bodies must be given these by `with_parameters` before they are called.")
-    return links
+        if self.links is None:
+            raise ValueError("Rigid bodies must be filled in by `with_parameters` before their block is called.")
+        value = self.links.mass_matrix(q) if self.part == "mass_matrix" else self.links.potential_energy(q)
+        return self.unit.value * value
 
 
 def _known(values: np.ndarray) -> Known:

@@ -23,8 +23,7 @@ from symoden.blocks import (
     KnownFriction,
     KnownFunction,
     KnownValue,
-    LinksMass,
-    LinksPotential,
+    LinksBlock,
     MatrixBlock,
     NoFriction,
     Perceptron,
@@ -97,7 +96,7 @@ def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
     match block:
         case InverseBlock():
             return InverseBlock(_block(block.matrix, 1 / factor))
-        case FormulaBlock() | LinksMass() | LinksPotential():
+        case FormulaBlock() | LinksBlock():
             return dataclasses.replace(block, unit=_times(block.unit, factor))
         case KnownValue() | KnownFunction() | CorrectedBlock() | CorrectedMatrix():
             return _given(block, factor)

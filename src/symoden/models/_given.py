@@ -22,8 +22,7 @@ from symoden.blocks import (
     KnownFriction,
     KnownFunction,
     KnownValue,
-    LinksMass,
-    LinksPotential,
+    LinksBlock,
     ViscousFriction,
     trainable,
 )
@@ -93,7 +92,7 @@ def _how(block: object) -> Given | None:
             return "given"
         case FormulaBlock(formula=formula) | FormulaFriction(formula=formula):
             return "given up to parameters" if _has_parameters(formula) else "given"
-        case LinksMass() | LinksPotential():
+        case LinksBlock():
             return "given up to parameters"
         case CorrectedBlock() | CorrectedMatrix() | CorrectedFriction():
             return "given up to a correction"

@@ -24,8 +24,7 @@ from symoden.blocks import (
     KnownFunction,
     KnownValue,
     Links,
-    LinksMass,
-    LinksPotential,
+    LinksBlock,
     Parameters,
     ViscousFriction,
 )
@@ -125,7 +124,7 @@ def known_blocks(known: KnownParts, space: Space, inputs: int) -> KnownBlocks:
     links = None
     if known.robot is not None:
         links, one = _links(known.robot, space), Known(jnp.ones((), float))
-        found |= {"mass_matrix": LinksMass(one), "potential_energy": LinksPotential(one)}
+        found |= {part: LinksBlock(part, one) for part in ("mass_matrix", "potential_energy")}
     friction = found.get("dissipation_matrix")
     if isinstance(friction, AbstractBlock):
         friction = ViscousFriction(friction)
