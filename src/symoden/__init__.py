@@ -27,6 +27,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "fit": "symoden.training",
     "load": "symoden.models",
     "read_dataset": "symoden.data",
+    "read_urdf": "symoden.known",
     "rescale": "symoden.models",
     "rollout": "symoden.integrate",
     "run_episodes": "symoden.control",

@@ -6,7 +6,7 @@ from symoden.data import (
     write_dataset as write_dataset,
 )
 from symoden.integrate import rollout as rollout
-from symoden.known import KnownParts as KnownParts
+from symoden.known import KnownParts as KnownParts, read_urdf as read_urdf
 from symoden.models import ModelConfig as ModelConfig, build as build, load as load, rescale as rescale, save as save
 from symoden.spaces import Space as Space
 from symoden.systems import Acrobot as Acrobot, CartPole as CartPole, Pendulum as Pendulum
