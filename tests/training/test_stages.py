@@ -208,6 +208,22 @@ def test_windows_are_twice_and_four_times_as_long_as_far_as_there_are_enough(pen
     assert _data.longer_data(dataset, model, data, quick) == []
 
 
+@pytest.mark.parametrize(("worse", "kept"), [(0.9, True), (1.1, False)])
+def test_priors_that_time_ran_out_for_have_brought_what_they_have_by_then(stage, monkeypatch, worse, kept):
+    stage, state = stage
+    data = stage.data._replace(validation=stage.data.train)
+    relevance = dataclasses.replace(stage, data=data, corrections=1, learns=True, margin=-1.0)
+    monkeypatch.setattr(type(data), "compare", lambda *_: worse)
+    started = relevance.start(state)
+    assert relevance.settled(started) is started
+    during, report = relevance.advance(started)
+    assert not report.finished
+    assert eqx.tree_equal(during.best, started.best)
+    settled = relevance.settled(during)
+    assert eqx.tree_equal(settled.best, during.model if kept else started.best)
+    assert settled.best_loss == pytest.approx(report.validation if kept else started.best_loss)
+
+
 def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):
     stage, state = stage
     relevance = dataclasses.replace(stage, corrections=1, learns=True)

@@ -78,6 +78,10 @@ class AdamStage(AbstractStage):
         finished = state.step >= self.steps
         return state, Report(loss, validation, finished=finished, outcome="all steps taken" if finished else "")
 
+    def settled(self, state: TrainingState) -> TrainingState:
+        """As it is."""
+        return state
+
     @functools.cached_property
     def _sampler(self) -> Sampler:
         windows = self.data.train

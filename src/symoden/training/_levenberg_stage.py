@@ -121,6 +121,13 @@ class LevenbergStage(AbstractStage):
             state = self._concluded(state._replace(best=model, best_loss=judged) if self.learns else state)
         return state, Report(step.after, validation, ended, outcome)
 
+    def settled(self, state: TrainingState) -> TrainingState:
+        """With what comes of the priors as they are by now, if that is to be kept."""
+        if not self.learns or not state.step:
+            return state
+        loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self._judged)
+        return self._concluded(state._replace(best=state.model, best_loss=loss))
+
     def step(
         self,
         state: LevenbergState,

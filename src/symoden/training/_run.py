@@ -177,7 +177,8 @@ def run(
         journal.write(state, lines, seconds=seconds)
         progress(now)
         if watch.is_over and state.stage < len(stages):
-            return state, watch.outcome([each.name for each in stages[state.stage :]])
+            left = stages[state.stage :]
+            return left[0].settled(state), watch.outcome([each.name for each in left])
     return state, outcome
 
 

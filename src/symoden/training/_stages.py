@@ -27,3 +27,7 @@ class AbstractStage(abc.ABC):
     @abc.abstractmethod
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one stride."""
+
+    @abc.abstractmethod
+    def settled(self, state: TrainingState) -> TrainingState:
+        """State with the best model so far, where training stops before the stage has ended."""
