@@ -4,6 +4,8 @@ from typing import final
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 
@@ -16,6 +18,11 @@ class Known(eqx.Module):
     """
 
     array: Float[Array, "..."]
+
+    @classmethod
+    def of(cls, values: np.ndarray | float) -> "Known":
+        """Constants in the default precision."""
+        return cls(jnp.asarray(values, float))
 
     @property
     def value(self) -> Float[Array, "..."]:

@@ -82,15 +82,17 @@ class Links(eqx.Module):
             coordinates=tuple(body.coordinate for body in bodies),
             parents=tuple(body.parent for body in bodies),
             prismatic=tuple(body.prismatic for body in bodies),
-            axes=_known(np.array([body.axis for body in bodies])),
-            origins=_known(np.array([body.origin for body in bodies])),
-            roots=_known(roots),
-            rotors=_known(np.zeros(len(bodies))),
-            gravity=_known(np.array(robot.gravity)),
+            axes=Known.of(np.array([body.axis for body in bodies])),
+            origins=Known.of(np.array([body.origin for body in bodies])),
+            roots=Known.of(roots),
+            rotors=Known.of(np.zeros(len(bodies))),
+            gravity=Known.of(np.array(robot.gravity)),
             theta=jnp.zeros((len(bodies), len(_QUANTITIES)), float),
         )
         moved = np.diag(found.mass_matrix(jnp.zeros(len(bodies), float)))[list(found.coordinates)]
-        return eqx.tree_at(lambda links: links.rotors, found, _known(np.maximum(_ROTOR * moved, _LEAST * moved.max())))
+        return eqx.tree_at(
+            lambda links: links.rotors, found, Known.of(np.maximum(_ROTOR * moved, _LEAST * moved.max()))
+        )
 
     def mass_matrix(self, q: Coordinates) -> SquareMatrix:
         """M at the configuration `q`."""
@@ -102,7 +104,7 @@ class Links(eqx.Module):
         twists = jnp.concatenate([turns, shifts[:, :, None]], axis=2)  # The first three rows of ξ; the last is zero.
         matrix = jnp.einsum("iab,jab->ij", twists, jnp.einsum("kab,kbc->kac", twists, composites))
         matrix = matrix * self._hangs.astype(q.dtype)
-        matrix = matrix + jnp.triu(matrix, 1).T + jnp.diag(self.rotors.value * jnp.exp(self.theta[:, -1]))
+        matrix = matrix + jnp.triu(matrix, 1).T + jnp.diag(self._drives)
         order = np.argsort(self.coordinates)
         return matrix[np.ix_(order, order)]
 
@@ -116,8 +118,7 @@ class Links(eqx.Module):
     def quantities(self) -> dict[str, Array]:
         """Mass [kg], centre of mass [m], moments of inertia about it [kg m²] and the drive's, by joint and name."""
         found: dict[str, Array] = {}
-        rotors = self.rotors.value * jnp.exp(self.theta[:, -1])
-        for joint, U, rotor in zip(self.joints, self._roots(), rotors, strict=True):
+        for joint, U, rotor in zip(self.joints, self._roots(), self._drives, strict=True):
             J = U @ U.T
             m = jnp.maximum(J[3, 3], jnp.finfo(J.dtype).tiny)
             centre = J[:3, 3] / m
@@ -128,6 +129,11 @@ class Links(eqx.Module):
                 f"{joint}.{name}": value for name, value in zip(_QUANTITIES, (m, *centre, *rest, rotor), strict=True)
             }
         return found
+
+    @property
+    def _drives(self) -> Float[Array, " b"]:
+        """Inertia of each joint's drive."""
+        return self.rotors.value * jnp.exp(self.theta[:, -1])
 
     @property
     def _hangs(self) -> np.ndarray:
@@ -188,11 +194,6 @@ class LinksBlock(AbstractBlock):
             raise ValueError("Rigid bodies must be filled in by `with_parameters` before their block is called.")
         value = self.links.mass_matrix(q) if self.part == "mass_matrix" else self.links.potential_energy(q)
         return self.unit.value * value
-
-
-def _known(values: np.ndarray) -> Known:
-    """Constants in the default precision."""
-    return Known(jnp.asarray(values, float))
 
 
 def _product(A: Float[Array, "*B 4 4"], B: Float[Array, "*B 4 4"]) -> Float[Array, "*B 4 4"]:

@@ -180,14 +180,14 @@ def build(
             return GeometricModel(
                 **common,
                 flow=maker.flow(energy_key),
-                scale=_known(np.concatenate([maker.scales.velocity, maker.scales.force])),
+                scale=Known.of(np.concatenate([maker.scales.velocity, maker.scales.force])),
                 inverse_mass=maker.inverse_mass(mass_key),
             )
         case "unstructured":
             return UnstructuredModel(
                 **common,
                 energy=maker.energy(energy_key),
-                energy_scale=_known(maker.scales.energy),
+                energy_scale=Known.of(maker.scales.energy),
                 inverse_mass=None if momenta else maker.inverse_mass(mass_key),
                 actuation=maker.actuation(actuation_key),
                 friction=maker.friction(friction_key),
@@ -214,11 +214,6 @@ def _refuse_unused(config: ModelConfig, known: KnownParts) -> None:
         raise ValueError("A model of the kind symoden has no friction; got a known `dissipation_matrix`. Remove it.")
 
 
-def _known(values: np.ndarray | float) -> Known:
-    """Constant in the default precision."""
-    return Known(jnp.asarray(values, float))
-
-
 def _silenced(perceptron: Perceptron) -> Perceptron:
     """The same network with an output of zero."""
     return eqx.tree_at(lambda p: p.weights[-1], perceptron, jnp.zeros_like(perceptron.weights[-1]))
@@ -243,7 +238,7 @@ class _Maker:
             jacobian = self._function(
                 self.config.inverse_mass, rows * n, base=np.eye(rows, n).ravel(), powers=1, key=key
             )
-            scale = _known(np.sqrt(self.scales.momentum / self.scales.velocity))
+            scale = Known.of(np.sqrt(self.scales.momentum / self.scales.velocity))
             return InverseBlock(GramBlock(jacobian, scale, floor=self.config.floor**2))
         base = identity_triangle(n) if self.config.scaled else None
         config = self.config.inverse_mass
@@ -251,22 +246,24 @@ class _Maker:
             config = replace(config, constant=True, harmonics=False)
         return CholeskyBlock(
             function=self._function(config, n * (n + 1) // 2, base=base, key=key),
-            scale=_known(np.sqrt(self.scales.velocity / self.scales.momentum)),
+            scale=Known.of(np.sqrt(self.scales.velocity / self.scales.momentum)),
             floor=self.config.floor,
         )
 
     def potential(self, key: PRNGKeyArray) -> ScalarBlock:
         """V."""
-        return ScalarBlock(function=self._function(self.config.potential, 1, key=key), scale=_known(self.scales.energy))
+        return ScalarBlock(
+            function=self._function(self.config.potential, 1, key=key), scale=Known.of(self.scales.energy)
+        )
 
     def actuation(self, key: PRNGKeyArray) -> AbstractBlock:
         """The g that was given, or a learned one."""
         if self.input_matrix is not None or not self.inputs:
             known = np.zeros((self.space.size, 0)) if self.input_matrix is None else np.asarray(self.input_matrix)
-            return KnownValue(_known(known))
+            return KnownValue(Known.of(known))
         return MatrixBlock(
             function=self._function(self.config.actuation, self.space.size * self.inputs, base=0.1, key=key),
-            scale=_known(np.outer(self.scales.force, 1 / self.scales.input)),
+            scale=Known.of(np.outer(self.scales.force, 1 / self.scales.input)),
         )
 
     def friction(self, key: PRNGKeyArray) -> AbstractFriction:
@@ -278,12 +275,12 @@ class _Maker:
         unit = np.sqrt(np.concatenate([s.velocity / s.force, s.force / s.velocity])[-size:])
         viscous = self._function(self.config.friction, size * (size + 1) // 2, base=base, key=key)
         if not self.config.knees:
-            return ViscousFriction(CholeskyBlock(function=viscous, scale=_known(unit)))
+            return ViscousFriction(CholeskyBlock(function=viscous, scale=Known.of(unit)))
         return JointFriction(
             viscous=viscous,
             laws=Correction(Constant(jnp.zeros(n * JointFriction.shapes(self.config.knees), float)), rung=1),
-            scale=_known(unit),
-            speed=_known(s.velocity),
+            scale=Known.of(unit),
+            speed=Known.of(s.velocity),
             knees=self.config.knees,
         )
 
@@ -298,12 +295,14 @@ class _Maker:
 
         triangle = n * (n + 1) // 2
         return Corrections(
-            mass=Congruence(silent(self.config.inverse_mass, triangle, keys[0]), _known(mass)),
-            potential=ScalarBlock(silent(self.config.potential, 1, keys[1]), _known(s.energy)),
+            mass=Congruence(silent(self.config.inverse_mass, triangle, keys[0]), Known.of(mass)),
+            potential=ScalarBlock(silent(self.config.potential, 1, keys[1]), Known.of(s.energy)),
             actuation=MatrixBlock(
-                silent(self.config.actuation, n * self.inputs, keys[2]), _known(np.outer(s.force, 1 / s.input))
+                silent(self.config.actuation, n * self.inputs, keys[2]), Known.of(np.outer(s.force, 1 / s.input))
             ),
-            friction=Congruence(silent(self.config.friction, triangle, keys[3]), _known(np.sqrt(s.force / s.velocity))),
+            friction=Congruence(
+                silent(self.config.friction, triangle, keys[3]), Known.of(np.sqrt(s.force / s.velocity))
+            ),
         )
 
     def energy(self, key: PRNGKeyArray) -> Perceptron:
@@ -324,7 +323,7 @@ class _Maker:
         """Units of the derivative of the observation; those of (ṙ, d cos φ, d sin φ) follow from the velocities."""
         velocity = self.scales.velocity
         lengths, angles = velocity[self.space.lengths], velocity[self.space.angles]
-        return _known(np.concatenate([lengths, angles, angles, self._rates() / self.scales.time]))
+        return Known.of(np.concatenate([lengths, angles, angles, self._rates() / self.scales.time]))
 
     def _rates(self) -> np.ndarray:
         """Units of the data's rates."""

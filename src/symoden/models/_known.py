@@ -123,7 +123,7 @@ def known_blocks(known: KnownParts, space: Space, inputs: int) -> KnownBlocks:
     }
     links = None
     if known.robot is not None:
-        links, one = _links(known.robot, space), Known(jnp.ones((), float))
+        links, one = _links(known.robot, space), Known.of(1.0)
         found |= {part: LinksBlock(part, one) for part in ("mass_matrix", "potential_energy")}
     friction = found.get("dissipation_matrix")
     if isinstance(friction, AbstractBlock):
@@ -169,7 +169,7 @@ def _part(known: KnownParts, name: str, shape: tuple[int, ...], space: Space) ->
     formula = Formula(texts, shape, tuple(known.constants.items()), tuple(known.parameters))
     names = {name for expression in formula.expressions for name in expression.names}
     _refuse_coordinates(name, names - set(known.constants) - set(known.parameters), space)
-    one = Known(jnp.ones((), float))
+    one = Known.of(1.0)
     if not names - set(known.constants):
         return KnownValue(Known(formula(jnp.zeros(space.size, float))))
     if moves and any(name.startswith("v") for name in names - set(known.constants) - set(known.parameters)):
