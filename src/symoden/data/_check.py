@@ -22,6 +22,7 @@ from ._pace import find_fast_sampling
 from ._read_dataset import assemble
 from ._recordings import recordings_of
 from ._trajectory import Trajectory
+from ._zeros import find_counted_zeros
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,7 +106,10 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         dataclasses.replace(check, findings=(*clocks, *check.findings))
         for check, clocks in zip(checks, find_other_clocks(logs, description), strict=True)
     )
-    together = _idle_everywhere(checks)
+    together = [
+        *_idle_everywhere(checks),
+        *find_counted_zeros(logs, [check.channels for check in checks]),
+    ]
     if all(isinstance(outcome, Mask) for _, outcome in made):
         together.extend(_assembled(path, description, logs, [recordings for recordings, _ in made]))
     return DatasetCheck(description=description, recordings=checks, findings=tuple(together))
