@@ -98,6 +98,7 @@ class Perceptron(eqx.Module):
         if activation == "sin":
             weights[0] = _WAVES * jax.random.normal(wave_key, weights[0].shape, float)
             biases[0] = jax.random.uniform(phase_key, biases[0].shape, float, -jnp.pi, jnp.pi)
+            weights[-1] = weights[-1] / _WAVES  # Slopes are forces: of waves they would let first rollouts diverge.
         return cls(
             weights=tuple(weights),
             biases=tuple(biases),
