@@ -177,6 +177,7 @@ def test_inspect_shows_the_blocks_over_the_data(arm_run, capsys):
         assert text in printed
     assert "half of a 90% band" in printed
     assert "g[q, u]" not in printed  # It was given.
+    assert "anywhere" in printed  # Its friction does not depend on where it is.
 
 
 def test_inspect_names_what_was_given_and_what_it_left_open(described, tmp_path, capsys):

@@ -16,9 +16,10 @@ from symoden.storage import StorageError
 
 from ._arguments import Evaluate
 from ._figure import check_figure, save_figure
-from ._learned import band_words, bands_of, draw_unseen, posterior_of
+from ._learned import bands_of, draw_unseen, posterior_of
 from ._output import print_json
 from ._scores import report_scores
+from ._words import band_words
 
 
 def run(command: Evaluate) -> None:

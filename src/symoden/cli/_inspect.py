@@ -4,8 +4,10 @@ from symoden.experiments import Certainty, Inspection
 
 from ._arguments import Inspect
 from ._figure import check_figure, save_figure
-from ._learned import Learned, audit_as_json, audit_words, certainty_words, facts, tables
+from ._learned import Learned
 from ._output import print_json, print_table
+from ._tables import facts, tables
+from ._words import audit_as_json, audit_words, certainty_words
 
 
 def run(command: Inspect) -> None:

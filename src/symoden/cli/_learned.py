@@ -1,7 +1,6 @@
-"""What is known of a run's model, as tables and sentences; shared by `inspect` and `report`."""
+"""What is known of a run's model; shared by `inspect`, `report` and `evaluate`."""
 
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +8,8 @@ from symoden.data import Dataset, Trajectory
 from symoden.experiments import (
     Audit,
     Bands,
-    BandScore,
     Certainty,
     Inspection,
-    Profile,
     RunConfig,
     Source,
     audit,
@@ -31,13 +28,11 @@ from symoden.models import StructuredModel
 from symoden.spaces import Space
 from symoden.training import AbstractPosterior, hold_out
 
-from ._output import TableText, number
 from ._progress import show_work
 
 ROWS = 5  # Of a table.
 MOST_DRAWN = 8  # Recordings in one figure.
 _FINE = 61  # Points of a line.
-_NONE = 1e-6  # Relative width of a band that is none.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,10 +89,7 @@ class Learned:
         Returns:
             Both.
         """
-        ranges = self.config.data.ranges
-        found = (
-            inspect_model(self.model, ranges) if points is None else inspect_model(self.model, ranges, points=points)
-        )
+        found = inspect_model(self.model, self.config.data.ranges, points=points)
         if self.posterior is None or found.velocities is None:
             return found, None
         with show_work("bands of M, V, g and D"):
@@ -199,192 +191,3 @@ def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, ba
     paths = recorded_paths(model, chosen, hold=dataset.hold, solver=evaluation_solver(config), bands=bands)
     space = Space.parse(config.data.space)
     return draw_recorded(paths, [space.title(name, i) for i, name in enumerate(config.data.position_names)])
-
-
-def facts(found: Inspection) -> Iterator[tuple[str, str]]:
-    """What a model is, in a line each.
-
-    Args:
-        found: What was found.
-
-    Yields:
-        Name and value.
-    """
-    yield "parameters", str(found.parameters)
-    yield "what fixes the scale", found.anchor
-    yield from found.given.items()
-    for name, extremes in (("M", found.mass_matrix_eigenvalues), ("D", found.dissipation_eigenvalues)):
-        none = "does not apply: this kind of model has none"
-        yield (
-            f"eigenvalues of {name} over the data's range",
-            none if extremes is None else "{} to {}".format(*map(number, extremes)),
-        )
-
-
-def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> Iterator[TableText]:
-    """Everything that was found, each number with half of the width of its band.
-
-    Args:
-        found: What was found.
-        certain: Its bands.
-        config: Settings of the run.
-
-    Yields:
-        The tables.
-    """
-    if found.identified:
-        rows = [(name, banded(value, certain and certain.identified[name])) for name, value in found.identified.items()]
-        yield TableText("identified parameters", ("name", "value"), rows)
-    names, space = (config.data.position_names, config.data.input_names), Space.parse(found.space)
-    for i, profile in enumerate(found.profiles):
-        half = certain and certain.profiles[i]
-        yield from _profile_tables(profile, half, *names, title=space.title(names[0][i], i), given=found.given)
-    for k, along in enumerate(found.friction):
-        i, band = along.coordinate, certain and certain.friction[k]
-        columns = (along.coefficient, band and band.coefficient), (along.force, band and band.force)
-        rows = [
-            (number(v), *(banded(values[j], None if half is None else half[j]) for values, half in columns))
-            for j, v in enumerate(along.velocities)
-        ]
-        title = f"friction along the velocity of {names[0][i]}, the data's middle otherwise"
-        yield TableText(title, (space.title("v", i, rate=True), f"D[{i + 1}, {i + 1}]", "force D v"), rows)
-
-
-def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
-    """How certain all this is, in words.
-
-    Args:
-        certain: The bands.
-        missing: Why there are none.
-
-    Yields:
-        Lines.
-    """
-    if certain is None:
-        yield f"no bands: {missing}"
-        return
-    if certain.members is None:
-        yield (
-            f"± is half of a {certain.level:.0%} band, to first order; {certain.windows} windows determine "
-            f"{certain.effective:.0f} of {certain.parameters} free parameters"
-        )
-    else:
-        models = ensemble_words(certain.members, certain.tried or 0)
-        yield (
-            f"± is half of a {certain.level:.0%} band, from {models}, each trained on {certain.windows} windows drawn "
-            "with replacement"
-        )
-    yield "typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in certain.relative.items() if value > _NONE)
-    if certain.undetermined:
-        yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
-
-
-def ensemble_words(members: int, tried: int) -> str:
-    """How many models there are of an ensemble.
-
-    Args:
-        members: Number of models.
-        tried: Number of models that were trained.
-
-    Returns:
-        The words.
-    """
-    astray = f" ({tried - members} more fitted worse than the model)" if tried > members else ""
-    return f"{members} models from other initial weights{astray}"
-
-
-def band_words(score: BandScore) -> str:
-    """How well bands cover, in a sentence.
-
-    Args:
-        score: The score.
-
-    Returns:
-        The sentence.
-    """
-    return (
-        f"{score.level:.0%} bands over windows of 1 s cover {score.coverage:.1%} of the positions of the {score.split} "
-        f"recordings; median half width {number(score.half_width)}, {score.from_parameters:.0%} of the variance from "
-        f"uncertain parameters; width set by the {score.calibrated_on} recordings"
-    )
-
-
-def audit_words(split: str, result: Audit | None, missing: str) -> Iterator[str]:
-    """The power audit in words.
-
-    Args:
-        split: Part that was looked at.
-        result: The audit.
-        missing: Why there is none.
-
-    Yields:
-        Lines.
-    """
-    if result is None:
-        yield f"not made, because the run's data cannot be read: {missing}"
-        return
-    several = "" if result.recordings == 1 else "s"
-    yield f"{result.recordings} {split} recording{several}; outside the range of training: {result.outside:.1%}"
-    if result.diverged is None:
-        yield "the balance of powers does not apply: this kind of model has no energy"
-        return
-    yield f"rollouts: {result.rollouts}, of which {result.diverged} diverged"
-    yield f"largest violation of dH/dt = y'u - v'Dv along rollouts, relative: {number(result.rollout_violation)}"
-    yield (
-        "residual of the energy balance along recordings, relative: "
-        f"median {number(result.log_residual_median)}, largest {number(result.log_residual_max)}"
-    )
-    yield f"least eigenvalue of inv(M): {number(result.inverse_mass_min)}, of D: {number(result.dissipation_min)}"
-
-
-def audit_as_json(split: str, result: Audit | None, missing: str) -> dict[str, object]:
-    """The same for a program.
-
-    Args:
-        split: Part that was looked at.
-        result: The audit.
-        missing: Why there is none.
-
-    Returns:
-        What JSON has.
-    """
-    return {"unavailable": missing} if result is None else {"split": split, **asdict(result)}
-
-
-def banded(value: float, half_width: float | None) -> str:
-    """A number, and half of the width of its band.
-
-    Args:
-        value: The number.
-        half_width: Half of its band.
-
-    Returns:
-        The text.
-    """
-    return number(value) if half_width is None else f"{number(value)} ± {half_width:.2g}"
-
-
-def _profile_tables(
-    profile: Profile,
-    widths: Profile | None,
-    positions: Sequence[str],
-    inputs: Sequence[str],
-    *,
-    title: str,
-    given: Collection[str],
-) -> Iterator[TableText]:
-    """Blocks along one coordinate: the energy's in one table, what acts in another."""
-    name = positions[profile.coordinate]
-    others = ", the other coordinates in the middle of the data" if len(positions) > 1 else ""
-    at = "; D at half of the largest velocities" if profile.dissipation_matrix is not None else ""
-    names = positions, inputs, given
-    for curves, half, note in (
-        (profile.energy_curves(), widths and widths.energy_curves(), ""),
-        (profile.port_curves(*names), widths and widths.port_curves(*names), at),
-    ):
-        if curves:
-            rows = [
-                [number(value), *(banded(curves[head][k], None if half is None else half[head][k]) for head in curves)]
-                for k, value in enumerate(profile.values)
-            ]
-            yield TableText(f"along {name}{others}{note}", (title, *curves), rows)

@@ -11,9 +11,11 @@ from symoden.experiments import RunConfig, score_bands
 from symoden.storage import StorageError
 
 from ._arguments import Report
-from ._learned import MOST_DRAWN, Learned, audit_words, band_words, certainty_words, draw_unseen, facts, tables, unseen
+from ._learned import MOST_DRAWN, Learned, draw_unseen, unseen
 from ._output import TableText, number, print_json
 from ._scores import scores_of
+from ._tables import facts, tables
+from ._words import audit_words, band_words, certainty_words
 
 if TYPE_CHECKING:
     from symoden.report import PageSection, PageTable

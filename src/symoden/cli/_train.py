@@ -22,10 +22,10 @@ from symoden.models import KINDS
 from symoden.training import FEWEST_MEMBERS, FitResult
 
 from ._arguments import Train
-from ._learned import ensemble_words
 from ._output import print_json
 from ._progress import show_progress
 from ._scores import report_scores
+from ._words import ensemble_words
 
 _POOR: Final = 0.3  # Loss relative to the motion from which it is worth a word.
 

@@ -1,0 +1,100 @@
+"""What a model learned, as lines and tables."""
+
+from collections.abc import Collection, Iterator, Sequence
+
+from symoden.experiments import Certainty, Inspection, Profile, RunConfig
+from symoden.spaces import Space
+
+from ._output import TableText, number
+
+
+def facts(found: Inspection) -> Iterator[tuple[str, str]]:
+    """What a model is, in a line each.
+
+    Args:
+        found: What was found.
+
+    Yields:
+        Name and value.
+    """
+    yield "parameters", str(found.parameters)
+    yield "what fixes the scale", found.anchor
+    yield from found.given.items()
+    for name, extremes in (("M", found.mass_matrix_eigenvalues), ("D", found.dissipation_eigenvalues)):
+        none = "does not apply: this kind of model has none"
+        yield (
+            f"eigenvalues of {name} over the data's range",
+            none if extremes is None else "{} to {}".format(*map(number, extremes)),
+        )
+
+
+def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> Iterator[TableText]:
+    """Everything that was found, each number with half of the width of its band.
+
+    Args:
+        found: What was found.
+        certain: Its bands.
+        config: Settings of the run.
+
+    Yields:
+        The tables.
+    """
+    if found.identified:
+        rows = [
+            (name, _banded(value, certain and certain.identified[name])) for name, value in found.identified.items()
+        ]
+        yield TableText("identified parameters", ("name", "value"), rows)
+    names, space = (config.data.position_names, config.data.input_names), Space.parse(found.space)
+    for i, profile in enumerate(found.profiles):
+        half = certain and certain.profiles[i]
+        yield from _profile_tables(profile, half, *names, title=space.title(names[0][i], i), given=found.given)
+    for k, along in enumerate(found.friction):
+        i, band = along.coordinate, certain and certain.friction[k]
+        columns = (along.coefficient, band and band.coefficient), (along.force, band and band.force)
+        rows = [
+            (number(v), *(_banded(values[j], None if half is None else half[j]) for values, half in columns))
+            for j, v in enumerate(along.velocities)
+        ]
+        title = f"friction along the velocity of {names[0][i]}, the data's middle otherwise"
+        yield TableText(title, (space.title("v", i, rate=True), f"D[{i + 1}, {i + 1}]", "force D v"), rows)
+
+
+def _banded(value: float, half_width: float | None) -> str:
+    """A number, and half of the width of its band.
+
+    Args:
+        value: The number.
+        half_width: Half of its band.
+
+    Returns:
+        The text.
+    """
+    return number(value) if half_width is None else f"{number(value)} ± {half_width:.2g}"
+
+
+def _profile_tables(
+    profile: Profile,
+    widths: Profile | None,
+    positions: Sequence[str],
+    inputs: Sequence[str],
+    *,
+    title: str,
+    given: Collection[str],
+) -> Iterator[TableText]:
+    """Blocks along one coordinate: the energy's in one table, what acts in another."""
+    name = positions[profile.coordinate]
+    others = ", the other coordinates in the middle of the data" if len(positions) > 1 else ""
+    at = "; D at half of the largest velocities" if profile.dissipation_matrix is not None else ""
+    names = positions, inputs, given
+    for curves, half, note in (
+        (profile.energy_curves(), widths and widths.energy_curves(), ""),
+        (profile.port_curves(*names), widths and widths.port_curves(*names), at),
+    ):
+        if curves:
+            rows = [
+                [number(value), *(_banded(curves[head][k], None if half is None else half[head][k]) for head in curves)]
+                for k, value in enumerate(profile.values)
+            ]
+            if all(row[1:] == rows[0][1:] for row in rows):
+                rows = [["anywhere", *rows[0][1:]]]
+            yield TableText(f"along {name}{others}{note}", (title, *curves), rows)

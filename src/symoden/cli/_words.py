@@ -1,0 +1,112 @@
+"""How certain a model is, and how it does on recordings, in sentences."""
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Final
+
+from symoden.experiments import Audit, BandScore, Certainty
+
+from ._output import number
+
+_NONE: Final = 1e-6  # Relative width of a band that is none.
+
+
+def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
+    """How certain all this is, in words.
+
+    Args:
+        certain: The bands.
+        missing: Why there are none.
+
+    Yields:
+        Lines.
+    """
+    if certain is None:
+        yield f"no bands: {missing}"
+        return
+    if certain.members is None:
+        yield (
+            f"± is half of a {certain.level:.0%} band, to first order; {certain.windows} windows determine "
+            f"{certain.effective:.0f} of {certain.parameters} free parameters"
+        )
+    else:
+        models = ensemble_words(certain.members, certain.tried or 0)
+        yield (
+            f"± is half of a {certain.level:.0%} band, from {models}, each trained on {certain.windows} windows drawn "
+            "with replacement"
+        )
+    yield "typical: " + ", ".join(f"{name} ± {value:.1%}" for name, value in certain.relative.items() if value > _NONE)
+    if certain.undetermined:
+        yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
+
+
+def ensemble_words(members: int, tried: int) -> str:
+    """How many models there are of an ensemble.
+
+    Args:
+        members: Number of models.
+        tried: Number of models that were trained.
+
+    Returns:
+        The words.
+    """
+    astray = f" ({tried - members} more fitted worse than the model)" if tried > members else ""
+    return f"{members} models from other initial weights{astray}"
+
+
+def band_words(score: BandScore) -> str:
+    """How well bands cover, in a sentence.
+
+    Args:
+        score: The score.
+
+    Returns:
+        The sentence.
+    """
+    return (
+        f"{score.level:.0%} bands over windows of 1 s cover {score.coverage:.1%} of the positions of the {score.split} "
+        f"recordings; median half width {number(score.half_width)}, {score.from_parameters:.0%} of the variance from "
+        f"uncertain parameters; width set by the {score.calibrated_on} recordings"
+    )
+
+
+def audit_words(split: str, result: Audit | None, missing: str) -> Iterator[str]:
+    """The power audit in words.
+
+    Args:
+        split: Part that was looked at.
+        result: The audit.
+        missing: Why there is none.
+
+    Yields:
+        Lines.
+    """
+    if result is None:
+        yield f"not made, because the run's data cannot be read: {missing}"
+        return
+    several = "" if result.recordings == 1 else "s"
+    yield f"{result.recordings} {split} recording{several}; outside the range of training: {result.outside:.1%}"
+    if result.diverged is None:
+        yield "the balance of powers does not apply: this kind of model has no energy"
+        return
+    yield f"rollouts: {result.rollouts}, of which {result.diverged} diverged"
+    yield f"largest violation of dH/dt = y'u - v'Dv along rollouts, relative: {number(result.rollout_violation)}"
+    yield (
+        "residual of the energy balance along recordings, relative: "
+        f"median {number(result.log_residual_median)}, largest {number(result.log_residual_max)}"
+    )
+    yield f"least eigenvalue of inv(M): {number(result.inverse_mass_min)}, of D: {number(result.dissipation_min)}"
+
+
+def audit_as_json(split: str, result: Audit | None, missing: str) -> dict[str, object]:
+    """The same for a program.
+
+    Args:
+        split: Part that was looked at.
+        result: The audit.
+        missing: Why there is none.
+
+    Returns:
+        What JSON has.
+    """
+    return {"unavailable": missing} if result is None else {"split": split, **asdict(result)}
