@@ -132,3 +132,36 @@ def test_units_are_a_table(tmp_path):
 
 def test_every_unit_is_a_positive_factor():
     assert all(factor > 0 for factor in UNITS.values())
+
+
+def with_zeros(tmp_path, units, zeros):
+    path = described(tmp_path, units)
+    path.write_text(path.read_text().replace("time =", f"zeros = {zeros}\ntime =", 1), encoding="utf-8")
+    return path
+
+
+def test_what_columns_show_at_zero_is_subtracted_in_their_own_unit(tmp_path):
+    t, q, _, u = write_run(tmp_path, (1.0, math.pi / 180, 1.0, 1.0))
+    file = dict(np.load(tmp_path / "a.npz"))
+    file["q"] = file["q"] + [30.0, -5.0]
+    np.savez(tmp_path / "a.npz", **file | {"t": t + 100, "u": u + 0.2})
+    path = with_zeros(tmp_path, 'q = "deg"', '{q = 30.0, "q[1]" = -5, u = 0.2, t = 100}')
+    run = read_dataset(path).train[0]
+    np.testing.assert_allclose(run.ts, t, atol=1e-12)
+    np.testing.assert_allclose(run.q, q, atol=1e-12)
+    np.testing.assert_allclose(run.us[:, 0], u, atol=1e-12)
+    np.testing.assert_allclose(run.rates[:, 0], 2 * np.cos(2 * t), atol=1e-12)  # Of which nothing is said.
+
+
+@pytest.mark.parametrize(
+    ("zeros", "message"),
+    [
+        ("{w = 1.0}", r"`zeros` must name columns that are read; got `w`\."),
+        ('{q = "30 deg"}', "`zeros` must be a table of columns and finite numbers"),
+        ("{q = nan}", "`zeros` must be a table of columns and finite numbers"),
+        ("0.5", "`zeros` must be a table of columns and finite numbers"),
+    ],
+)
+def test_zeros_are_numbers_of_columns_that_are_read(tmp_path, zeros, message):
+    with pytest.raises(DataError, match=message):
+        read_description(with_zeros(tmp_path, "q = 1", zeros))

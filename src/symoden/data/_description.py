@@ -2,7 +2,7 @@
 
 import math
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, NoReturn, TypeAlias
@@ -47,6 +47,7 @@ class Description:
         units: Factors that bring columns to SI and rad as they are read, by the name of a column, or of a variable for
             all its columns. In the file: a factor, or a unit's name: `units = {q = "deg", "tau[1]" = -0.062}`.
         si_units: SI units that columns are brought to, where `units` name a unit.
+        zeros: What columns show where what they measure is zero, in the unit that they are in.
         hold: What an input is between samples.
         input_delay: Constant transport delay of the inputs [s], one for all or one each: the input that acts at t is
             the one that was logged at t − delay. The first samples, whose inputs were not logged, are left out.
@@ -68,6 +69,7 @@ class Description:
     inputs: Selector = ()
     units: Mapping[str, float] = field(default_factory=dict)
     si_units: Mapping[str, str] = field(default_factory=dict)
+    zeros: Mapping[str, float] = field(default_factory=dict)
     hold: Literal["zero", "linear"] = "zero"
     input_delay: tuple[float, ...] = (0.0,)
     resample: float | None = None
@@ -175,13 +177,17 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         raise DataError(
             f"`{path}`: `input_delay` must be one number or one per input, {len(description.inputs)}; got {delays}."
         )
-    for column in description.units:
-        if not is_named(column, description.selectors):
-            read = [
-                name for each in description.selectors.values() for name in ([each] if isinstance(each, str) else each)
-            ]
+    for key, named in (("units", description.units), ("zeros", description.zeros)):
+        _refuse_unread(path, key, named, description.selectors)
+
+
+def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mapping[str, Selector]) -> None:
+    """Refuse to say something of columns that are not read."""
+    read = [name for each in selectors.values() for name in ([each] if isinstance(each, str) else each)]
+    for column in named:
+        if not is_named(column, selectors):
             raise DataError(
-                f"`{path}`: `units` must name columns that are read; got `{column}`.{nearest(column, read)} "
+                f"`{path}`: `{key}` must name columns that are read; got `{column}`.{nearest(column, read)} "
                 f"These are {listing(read)}."
             )
 
@@ -262,6 +268,13 @@ def _units(value: object) -> dict[str, float]:
     return factors
 
 
+def _zeros(value: object) -> dict[str, float]:
+    """Numbers by column."""
+    if not isinstance(value, dict) or not all(map(_is_number, value.values())):
+        _fail("a table of columns and finite numbers, such as {q = 180.0, tau = 0.02}")
+    return {column: float(number) for column, number in value.items()}
+
+
 def _delays(value: object) -> tuple[float, ...]:
     """Seconds from 0 on, one or several."""
     seconds = [
@@ -303,6 +316,7 @@ _KEYS: Final[dict[str, Check]] = {
     "momenta": _selector,
     "inputs": _inputs,
     "units": _units,
+    "zeros": _zeros,
     "hold": _hold,
     "input_delay": _delays,
     "resample": _positive,

@@ -164,7 +164,10 @@ def _refuse_other_size(path: Path, space: str, is_angle: np.ndarray, columns: in
 def _read_part(path: Path, description: Description, part: Part) -> tuple[Rows, ...]:
     """Rows of all files of one part."""
     files = find_files(part.files, path)
-    return tuple(in_si(read_rows(file, description.selectors, slice(*part.rows)), description.units) for file in files)
+    return tuple(
+        in_si(read_rows(file, description.selectors, slice(*part.rows)), description.units, description.zeros)
+        for file in files
+    )
 
 
 def _refuse_overlaps(path: Path, parts: Mapping[str, tuple[Rows, ...]]) -> None:

@@ -104,7 +104,7 @@ def _key(name: str) -> str:
 
 
 def is_named(column: str, selectors: Mapping[str, Selector]) -> bool:
-    """Whether a key of `units` stands for something that is read.
+    """Whether a key of `units` or `zeros` stands for something that is read.
 
     Args:
         column: The key: a column, a variable, or `variable[column]`.
@@ -117,25 +117,29 @@ def is_named(column: str, selectors: Mapping[str, Selector]) -> bool:
     return column in names or variable_of(column) in names or column in {variable_of(name) for name in names}
 
 
-def in_si(rows: Rows, units: Mapping[str, float]) -> Rows:
-    """Multiply what was read by the factors of its columns.
+def in_si(rows: Rows, units: Mapping[str, float], zeros: Mapping[str, float]) -> Rows:
+    """Subtract from what was read what its columns show at zero, and multiply it by their factors.
 
     Args:
         rows: Rows as they are in the file.
         units: Factors by the name of a column, or by the name of a variable for all its columns; a column's own wins.
+        zeros: What columns show at zero, likewise.
 
     Returns:
         The rows in SI and rad.
     """
-    if not units:
+    if not units and not zeros:
         return rows
     with np.errstate(over="ignore"):  # What becomes infinite is no number of a machine, and is left out as such.
-        signals = {role: signal * _factors(rows.names[role], units) for role, signal in rows.signals.items()}
+        signals = {
+            role: (signal - _each(rows.names[role], zeros, 0.0)) * _each(rows.names[role], units, 1.0)
+            for role, signal in rows.signals.items()
+        }
     return dataclasses.replace(rows, signals=signals)
 
 
 def of_column(name: str, units: Mapping[str, T]) -> T | None:
-    """What `units` say of a column: its own entry, or that of its variable.
+    """What a table of the description says of a column: its own entry, or that of its variable.
 
     Args:
         name: The column.
@@ -147,7 +151,7 @@ def of_column(name: str, units: Mapping[str, T]) -> T | None:
     return units.get(name, units.get(variable_of(name)))
 
 
-def _factors(names: tuple[str, ...], units: Mapping[str, float]) -> np.ndarray:
-    """Factor of each column."""
-    factors = [of_column(name, units) for name in names]
-    return np.array([1.0 if factor is None else factor for factor in factors])
+def _each(names: tuple[str, ...], given: Mapping[str, float], default: float) -> np.ndarray:
+    """Number of each column."""
+    numbers = [of_column(name, given) for name in names]
+    return np.array([default if number is None else number for number in numbers])
