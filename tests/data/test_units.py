@@ -143,8 +143,8 @@ def with_zeros(tmp_path, units, zeros):
 def test_what_columns_show_at_zero_is_subtracted_in_their_own_unit(tmp_path):
     t, q, _, u = write_run(tmp_path, (1.0, math.pi / 180, 1.0, 1.0))
     file = dict(np.load(tmp_path / "a.npz"))
-    file["q"] = file["q"] + [30.0, -5.0]
-    np.savez(tmp_path / "a.npz", **file | {"t": t + 100, "u": u + 0.2})
+    file |= {"q": file["q"] + [30.0, -5.0], "t": t + 100, "u": u + 0.2}
+    np.savez(tmp_path / "a.npz", **file)
     path = with_zeros(tmp_path, 'q = "deg"', '{q = 30.0, "q[1]" = -5, u = 0.2, t = 100}')
     run = read_dataset(path).train[0]
     np.testing.assert_allclose(run.ts, t, atol=1e-12)
