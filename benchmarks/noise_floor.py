@@ -47,7 +47,7 @@ def main() -> None:
     }
     for name in ("symoden/DampedCartPole-v0", "symoden/DampedAcrobot-v0"):
         machine = MACHINES[name]
-        A, B, _ = linearize(machine.system, jnp.asarray(machine.upright))
+        A, B, _ = linearize(machine.system, jnp.asarray(machine.target))
         for period in (0.005, 0.02):
             for what, weights in weighed.items():
                 deviations = floor(A, B, np.array(weights), period)

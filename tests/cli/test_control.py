@@ -159,5 +159,5 @@ def test_every_task_has_its_machine():
     for task, inputs in (("pendulum", 1), ("cartpole", 1), ("acrobot", 1), ("cartpole-full", 2), ("acrobot-full", 2)):
         machine = machine_of(task, None)
         assert machine.system.inputs == inputs
-        assert len(machine.upright) == machine.system.space.size
-    assert machine_of("pendulum-canonical", None).upright == (np.pi,)
+        assert len(machine.target) == machine.system.space.size
+    assert machine_of("pendulum-canonical", None).target == (np.pi,)

@@ -22,7 +22,7 @@ CONFIG = ControlConfig(loop=Loop(duration=2.0, period=0.02), episodes=5)
 
 def test_the_inputs_of_the_logs_are_the_limits():
     machine = learned_machine(MODEL, [1.5], RANGES)
-    assert (machine.max_input, machine.upright, machine.system) == ((6.0,), (1.5,), MODEL)
+    assert (machine.max_input, machine.target, machine.system) == ((6.0,), (1.5,), MODEL)
 
 
 def test_each_stand_in_has_its_share_of_the_episodes():

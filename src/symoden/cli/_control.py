@@ -147,7 +147,7 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
         "noise": loop.noise,
         "period_s": loop.period,
         "delay_s": loop.delay,
-        "target": list(result.machine.upright),
+        "target": list(result.machine.target),
         "models": len(result.plants),
         "duration_s": loop.duration,
         "seed": settings.seed,

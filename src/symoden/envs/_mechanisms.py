@@ -32,7 +32,7 @@ class DampedAcrobot(MechanismEnv):
 
     dynamics: AbstractDynamics = field(default_factory=lambda: MACHINES["symoden/DampedAcrobot-v0"].system)
     max_input: float | Sequence[float] = 10.0
-    target: Sequence[float] | None = MACHINES["symoden/DampedAcrobot-v0"].upright
+    target: Sequence[float] | None = MACHINES["symoden/DampedAcrobot-v0"].target
 
 
 @dataclass(eq=False, repr=False)
@@ -51,4 +51,4 @@ class FullyActuatedAcrobot(MechanismEnv):
 
     dynamics: AbstractDynamics = field(default_factory=lambda: MACHINES["symoden/FullyActuatedAcrobot-v0"].system)
     max_input: float | Sequence[float] = (25.0, 10.0)
-    target: Sequence[float] | None = MACHINES["symoden/DampedAcrobot-v0"].upright
+    target: Sequence[float] | None = MACHINES["symoden/DampedAcrobot-v0"].target

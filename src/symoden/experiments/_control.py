@@ -58,7 +58,7 @@ _TASK_MACHINES: Final[Mapping[str, str]] = MappingProxyType(
 _HANGING: Final = Machine(  # Task 1, whose data are momenta and whose angle is told to be a number.
     name="pendulum-canonical",
     system=Pendulum(gravity=10.0, damping=0.1, momenta=True),
-    upright=(np.pi,),
+    target=(np.pi,),
     max_input=(15.0,),
 )
 
@@ -198,7 +198,7 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
     limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
     if not limits:
         raise ValueError("A controller needs inputs; the model was learned from free motion and has none.")
-    return Machine(name=LEARNED, system=model, upright=tuple(map(float, target)), max_input=limits)
+    return Machine(name=LEARNED, system=model, target=tuple(map(float, target)), max_input=limits)
 
 
 def initial_states(
@@ -224,12 +224,12 @@ def initial_states(
     share_q, share_v = generator.uniform(-1, 1, (2, episodes, space.size))
     acrobot = space.size > machine.system.inputs and all(space.is_angle)
     if method == "swing-up" and acrobot:
-        hanging = lowest(machine.system, jnp.asarray(machine.upright))
+        hanging = lowest(machine.system, jnp.asarray(machine.target))
         return np.asarray(hanging) + 0.2 * share_q, 0.1 * share_v
     near = method in {"ida-pbc", "controlled-lagrangian", "lqr"}
     size = np.where(space.is_angle, (0.2 if acrobot else 0.6) if near else np.pi, 0.5)
     speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
-    return np.asarray(machine.upright) + size * share_q, speed * share_v
+    return np.asarray(machine.target) + size * share_q, speed * share_v
 
 
 def try_control(
@@ -272,9 +272,9 @@ def try_control(
         raise ValueError(
             f"An input did nothing in the logs, whose largest are {limits}. Say what it may: `--max-input`."
         )
-    method = config.method or choose_method(model, machine.upright, limits=limits)
+    method = config.method or choose_method(model, machine.target, limits=limits)
     start = time.perf_counter()
-    controller = design(model, machine.upright, method=method, limits=limits, period=loop.period, tell=tell)
+    controller = design(model, machine.target, method=method, limits=limits, period=loop.period, tell=tell)
     design_s = time.perf_counter() - start
     q0, v0 = initial_states(machine, method, config.episodes, config.seed)
     tell(f"{config.episodes} episodes of {loop.duration:g} s")
@@ -303,7 +303,7 @@ def try_control(
 def _judged(controller: AbstractController, episodes: Episode, machine: Machine) -> Verdict:
     """Distance from the target, or from the reference."""
     if not isinstance(controller, Tracking):
-        return judge(episodes, machine.system.space, np.asarray(machine.upright))
+        return judge(episodes, machine.system.space, np.asarray(machine.target))
     q, v, _ = jax.vmap(controller.wanted)(episodes.ts[0])
     return judge(episodes, machine.system.space, np.asarray(q), velocities=np.asarray(v))
 

@@ -38,9 +38,9 @@ def draw_control(result: ControlResult, *, names: tuple[Sequence[str], Sequence[
     ts = np.asarray(result.episodes.ts[0])
     for ax, (label, i) in zip(axes, panels, strict=False):
         q = np.asarray(result.episodes.q)[:, :, i]
-        plot_episodes(ts, _towards(q, result.machine.upright[i]) if space.is_angle[i] else q, result, ax=ax)
+        plot_episodes(ts, _towards(q, result.machine.target[i]) if space.is_angle[i] else q, result, ax=ax)
         if not isinstance(result.controller, Tracking):
-            ax.axhline(result.machine.upright[i], **EDGE)
+            ax.axhline(result.machine.target[i], **EDGE)
         ax.set_ylabel(label, fontsize=LABEL)
     for ax, (j, name) in zip(axes[len(panels) :], enumerate(inputs), strict=False):
         plot_episodes(ts, np.asarray(result.episodes.u)[:, :, j], result, ax=ax)

@@ -1,4 +1,4 @@
-"""Machines to control, by the names of their Gymnasium environments: a system, and where it is upright."""
+"""Machines to control, by the names of their Gymnasium environments: a system, and where to bring it."""
 
 import math
 from collections.abc import Mapping
@@ -23,14 +23,14 @@ class Machine(Generic[System]):
     Attributes:
         name: Identity of its environment; that of a learned model is "model".
         system: The true system, or the model.
-        upright: Configuration to bring it to; of the paper's machines the one of the highest potential energy, lengths
+        target: Configuration to bring it to; of the paper's machines the one of the highest potential energy, lengths
             being zero.
         max_input: Largest magnitude of each input that its motors give [N or N m].
     """
 
     name: str
     system: System
-    upright: tuple[float, ...]
+    target: tuple[float, ...]
     max_input: tuple[float, ...]
 
 
@@ -44,31 +44,31 @@ MACHINES: Final[Mapping[str, Machine[AbstractPlanarMechanism]]] = MappingProxyTy
             Machine(
                 name="symoden/DampedPendulum-v0",
                 system=Pendulum(gravity=10.0, damping=0.1, upright=True),
-                upright=(0.0,),
+                target=(0.0,),
                 max_input=(15.0,),
             ),
             Machine(
                 name="symoden/DampedCartPole-v0",
                 system=CartPole(pole_damping=_POLE_DAMPING),
-                upright=(0.0, 0.0),
+                target=(0.0, 0.0),
                 max_input=(15.0,),
             ),
             Machine(
                 name="symoden/DampedAcrobot-v0",
                 system=Acrobot(dampings=_DAMPINGS),
-                upright=(math.pi, 0.0),
+                target=(math.pi, 0.0),
                 max_input=(15.0,),
             ),
             Machine(
                 name="symoden/FullyActuatedCartPole-v0",
                 system=CartPole(pole_damping=_POLE_DAMPING, fully_actuated=True),
-                upright=(0.0, 0.0),
+                target=(0.0, 0.0),
                 max_input=(15.0, 15.0),
             ),
             Machine(
                 name="symoden/FullyActuatedAcrobot-v0",
                 system=Acrobot(dampings=_DAMPINGS, fully_actuated=True),
-                upright=(math.pi, 0.0),
+                target=(math.pi, 0.0),
                 max_input=(40.0, 40.0),
             ),
         )
