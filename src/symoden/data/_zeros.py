@@ -11,7 +11,7 @@ from ._logs import Log
 
 _LEAST: Final = 3  # recordings: two may begin alike by chance
 _STEPS: Final = 2  # of rounding, from zero
-_MOVES: Final = 100  # steps of rounding
+_MOVES: Final = 100  # steps of rounding: what moves less may be near zero by chance
 
 
 def find_counted_zeros(logs: Sequence[Log], channels: Sequence[Sequence[ChannelFacts]]) -> list[Finding]:
