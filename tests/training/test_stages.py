@@ -166,9 +166,18 @@ def test_where_priors_are_not_learned_they_fade_with_the_loss(stage, monkeypatch
     monkeypatch.setattr(_levenberg_stage, "levenberg_marquardt_step", watched)
     for learns in (True, False):
         last = dataclasses.replace(stage, learns=learns)
-        last.advance(last.start(state._replace(memory=learned)))
+        last.advance(last.start(state)._replace(memory=learned))
     assert [prior.variance for prior in priors] == [1e3, None]
     assert all(np.array_equal(prior.precision, np.full_like(prior.precision, 50.0)) for prior in priors)
+
+
+def test_priors_are_learned_beside_the_residuals_at_hand(stage):
+    stage, state = stage
+    learned = Relevance.start(state.model, 50.0)._replace(variance=jnp.asarray(1e3))
+    for learns, variance in ((True, 0.0), (False, 1e3)):
+        memory = dataclasses.replace(stage, learns=learns).start(state._replace(memory=learned)).memory
+        assert float(memory.variance) == variance
+        assert set(memory.precisions(state.model, 0)) == {50.0}
 
 
 def test_a_stage_may_begin_with_wide_priors_and_what_was_learned_comes_back_if_it_is_refused(stage, monkeypatch):

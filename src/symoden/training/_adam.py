@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from symoden.shapes import Scalar
 
-from ._objective import Batch, Objective
+from ._objective import AbstractObjective, Batch
 
 
 class AdamState(NamedTuple):
@@ -80,7 +80,7 @@ class Sampler(eqx.Module):
 def adam_steps(
     state: AdamState,
     fixed: PyTree,
-    objective: Objective,
+    objective: AbstractObjective,
     sampler: Sampler,
     optimizer: optax.GradientTransformation,
     *,

@@ -17,12 +17,16 @@ from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._data import Data
 from ._flatten import Flattening, cast
+from ._objective import Batch
+from ._relevance import Relevance
+from ._residuals import evaluate_loss
 from ._stages import AbstractStage
 from ._state import Incumbent, Report, TrainingState
 
 DIVERGED: Final = "diverged; the best model before was kept"
 
 _CHUNK: Final = 200
+_FOUND: Final = 0.1  # Mean squared error relative to the motion, below which a model is in the right basin.
 
 
 @final
@@ -38,6 +42,7 @@ class AdamStage(AbstractStage):
         fresh: The untrained model to start from.
         optimizer: What updates the parameters. Made once and shared, since JAX recognises a compiled function by the
             identity of the functions it was made from.
+        yields: Do nothing where a stage before has found the basin.
     """
 
     data: Data
@@ -46,6 +51,7 @@ class AdamStage(AbstractStage):
     steps: int
     fresh: AbstractDynamics
     optimizer: optax.GradientTransformation
+    yields: bool = False
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin with fresh weights and an empty memory."""
@@ -53,12 +59,18 @@ class AdamStage(AbstractStage):
         model = cast(self.fresh, dtype)
         lean = without_silent(model)
         memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=0)))
-        best = cast(state.best, dtype)
-        incumbent = Incumbent(best, None, state.origin, state.weighing)
-        return state._replace(step=0, model=model, best=best, incumbent=incumbent, memory=memory)
+        best, loss = cast(state.best, dtype), state.best_loss
+        if math.isfinite(loss):
+            loss = evaluate_loss(best, self.data.objective, self._judged)
+        known = state.memory if isinstance(state.memory, Relevance) else Relevance.start(best, self.config.prior)
+        incumbent = Incumbent(best, known, state.origin, state.weighing)
+        return state._replace(step=0, model=model, best=best, best_loss=loss, incumbent=incumbent, memory=memory)
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
+        if self.yields and state.step == 0 and state.best_loss < _FOUND:
+            state = state._replace(model=state.best, memory=state.incumbent.memory)
+            return state, Report(state.best_loss, state.best_loss, finished=True, outcome="found already")
         restore, theta = Flattening.of(state.model, corrections=0, dtype=self.data.train.q.dtype)
         lean = without_silent(state.model)
         free, fixed = eqx.partition(lean, trainable(lean, corrections=0))
@@ -81,6 +93,11 @@ class AdamStage(AbstractStage):
     def settled(self, state: TrainingState) -> TrainingState:
         """As it is."""
         return state
+
+    @property
+    def _judged(self) -> Batch:
+        """Windows that models are chosen by."""
+        return self.data.train if self.data.validation is None else self.data.validation
 
     @functools.cached_property
     def _sampler(self) -> Sampler:

@@ -18,13 +18,16 @@ from symoden.spaces import Space
 from symoden.wording import first_few
 
 from ._config import TrainingConfig
-from ._objective import Batch, Objective, channel_order, channel_weights
+from ._objective import AbstractObjective, Batch, Objective, channel_order, channel_weights
 from ._residuals import evaluate_loss, evaluate_residuals
 from ._scales import time_scale
+from ._weak_form import WeakForm
 
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
 _LM_HORIZON = 2.0
+_BUMP_HORIZON = 1.0
 _SHORTEST = 3
+_FEWEST_STEPS = 8  # Under a bump, or the trapezoidal rule errs too much.
 _LONGER = (2, 4)  # Times as long as Levenberg-Marquardt's windows.
 _FEWEST = 20  # Of them, or they stay as they are.
 _MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
@@ -43,13 +46,13 @@ class Data(NamedTuple):
 
     train: Batch
     validation: Batch | None
-    objective: Objective
+    objective: AbstractObjective
 
-    def validation_loss(self, model: AbstractDynamics, objective: Objective) -> float | None:
+    def validation_loss(self, model: AbstractDynamics, objective: AbstractObjective) -> float | None:
         """Loss on the validation windows, if there are any."""
         return None if self.validation is None else evaluate_loss(model, objective, self.validation)
 
-    def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: Objective) -> float:
+    def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: AbstractObjective) -> float:
         """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.
 
         Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
@@ -119,6 +122,25 @@ def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: Trainin
     horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
     data = _data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
     return _free_starts(_thinned(data, config.lm_samples), dataset)
+
+
+def regression_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data | None:
+    """Cut windows that overlap by half, for the weak form of the equations of motion.
+
+    Args:
+        dataset: Recordings.
+        dynamics: Model, for its space.
+        config: Settings of training.
+
+    Returns:
+        The windows, in double precision; None where momenta were recorded, or too few samples in a row.
+    """
+    horizon = _horizon(dataset, _BUMP_HORIZON, _FEWEST_STEPS)
+    if dataset.momenta or horizon < _FEWEST_STEPS:
+        return None
+    data = _data(dataset, dynamics, config, horizon=horizon, stride=horizon // 2, dtype=jnp.float64)
+    weights = jnp.asarray(channel_weights(data.train, dynamics)[-dynamics.space.size :], float)
+    return _thinned(data._replace(objective=WeakForm(weights, HOLDS[dataset.hold])), config.lm_samples)
 
 
 def _thinned(data: Data, most: int) -> Data:

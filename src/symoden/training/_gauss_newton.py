@@ -17,7 +17,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Inputs, Scalar, State
 
 from ._flatten import Flattening, cast
-from ._objective import Batch, Objective
+from ._objective import AbstractObjective, Batch, Objective
 from ._residuals import find_starts, follow_starts, map_windows, mean_square
 from ._starts import Found, project_out
 
@@ -66,6 +66,31 @@ class NormalEquations(NamedTuple):
 
 
 def linearize(
+    restore: Callable[[Parameters], AbstractDynamics], theta: Parameters, objective: AbstractObjective, window: Batch
+) -> tuple[Float[Array, " r"], Float[Array, "r P"]]:
+    """Residuals of one window and their Jacobian: by sensitivities where it is rolled out, else in reverse mode.
+
+    Args:
+        restore: Makes the dynamics from flat parameters.
+        theta: Flat parameters.
+        objective: What makes residuals.
+        window: One window.
+
+    Returns:
+        Residuals, row by row, and their derivatives by the parameters.
+    """
+    if isinstance(objective, Objective):
+        return linearize_rollout(restore, theta, objective, window)
+
+    def residuals(theta: Parameters) -> tuple[Float[Array, " r"], Float[Array, " r"]]:
+        found = objective.residuals(restore(theta), window).ravel()
+        return found, found
+
+    jacobian, found = jax.jacrev(residuals, has_aux=True)(theta)
+    return found, jacobian
+
+
+def linearize_rollout(
     restore: Callable[[Parameters], AbstractDynamics], theta: Parameters, objective: Objective, window: Batch
 ) -> tuple[Float[Array, " r"], Float[Array, "r P"]]:
     """Residuals of one window and their Jacobian, by integrating the sensitivity S = ∂x/∂θ beside the state.
@@ -127,7 +152,9 @@ def _padded(derivative: Float[Array, "... P"], columns: int) -> Float[Array, "..
 
 
 @eqx.filter_jit
-def _jacobian(restore: Callable, theta: Parameters, objective: Objective, batch: Batch) -> Float[Array, "b r P"]:
+def _jacobian(
+    restore: Callable, theta: Parameters, objective: AbstractObjective, batch: Batch
+) -> Float[Array, "b r P"]:
     """Jacobians of some windows, a few at a time so that they stay in the processor's cache."""
     return map_windows(lambda window: linearize(restore, theta, objective, window)[1], batch, chunk=_CACHED_WINDOWS)
 
@@ -151,14 +178,14 @@ class Linearization:
 
     restore: Flattening
     theta: Parameters
-    objective: Objective
+    objective: AbstractObjective
     found: Found
     chunk: int | None = None
     precision: DTypeLike = jnp.float32
     _kept: dict[int, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def at(cls, restore: Flattening, theta: Parameters, objective: Objective, batch: Batch) -> "Linearization":
+    def at(cls, restore: Flattening, theta: Parameters, objective: AbstractObjective, batch: Batch) -> "Linearization":
         """Linearise about a point, from the starts that are best there.
 
         Args:
@@ -224,7 +251,7 @@ class Linearization:
         return total
 
     @functools.cached_property
-    def _rough(self) -> tuple[Flattening, Parameters, Objective, Batch]:
+    def _rough(self) -> tuple[Flattening, Parameters, AbstractObjective, Batch]:
         """What J is computed from, in its precision."""
         parts = self.restore.lean(self.theta), self.theta, self.objective, self.found.windows
         restore, theta, objective, windows = (cast(part, self.precision) for part in parts)

@@ -12,7 +12,7 @@ from symoden.spaces import Space
 
 from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
-from ._objective import Batch, Objective
+from ._objective import AbstractObjective, Batch, Objective
 from ._residuals import evaluate_residuals
 from ._weighing import LARGEST, Weighing
 
@@ -41,7 +41,7 @@ def independent_variance(equations: NormalEquations) -> float:
 def weigh(
     restore: Flattening,
     theta: Parameters,
-    objective: Objective,
+    objective: AbstractObjective,
     solver: AbstractSolver,
     batch: Batch,
     weighing: Weighing,
@@ -80,7 +80,7 @@ def weigh(
 def expected_level(
     restore: Flattening,
     theta: Parameters,
-    objective: Objective,
+    objective: AbstractObjective,
     solver: AbstractSolver,
     batch: Batch,
 ) -> float:
@@ -99,7 +99,7 @@ def expected_level(
     Returns:
         The level; infinite where a window tells less of its start than the sensors do, or too few windows tell.
     """
-    if objective.noise is None or batch.ts.shape[0] < LEAST_WINDOWS:
+    if not isinstance(objective, Objective) or objective.noise is None or batch.ts.shape[0] < LEAST_WINDOWS:
         return math.inf
     model, free = restore(theta), objective.refined(solver, Weighing.plain(objective.weights.size, 0.0))
     with np.errstate(over="ignore", invalid="ignore"):

@@ -11,7 +11,7 @@ from threadpoolctl import threadpool_limits
 
 from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
-from ._objective import Batch, Objective
+from ._objective import AbstractObjective, Batch
 from ._residuals import mean_square
 
 _SMALLEST_DAMPING = 1e-14
@@ -68,7 +68,7 @@ class LevenbergStep(NamedTuple):
 def levenberg_marquardt_step(
     state: LevenbergState,
     restore: Flattening,
-    objective: Objective,
+    objective: AbstractObjective,
     batch: Batch,
     *,
     prior: Prior = Prior(),  # noqa: B008 - immutable

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from symoden.blocks import highest_rung
 from symoden.integrate import RK4
 
 from ._config import TrainingConfig
@@ -15,7 +16,7 @@ from ._data import Data
 from ._flatten import Flattening, cast
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
-from ._objective import Batch, Objective
+from ._objective import AbstractObjective, Batch
 from ._relevance import Relevance, free_scale
 from ._residuals import evaluate_loss, integration_error
 from ._stages import EXACT, EXPLAINED, AbstractStage
@@ -67,7 +68,7 @@ class LevenbergStage(AbstractStage):
         restore, theta = Flattening.of(best, corrections=self.corrections, dtype=self.data.train.q.dtype)
         solver = RK4(jnp.asarray(state.substeps))
         where = restore, theta, self.data.objective, solver, self.data.train
-        weighing = Weighing.plain(self.data.objective.weights.size, expected_level(*where))
+        weighing = Weighing.plain(best.space.embedded_size + best.space.size, expected_level(*where))
         loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
         if self.whitens and not self._is_below(EXPLAINED, loss):
             weighing = weigh(*where, weighing)
@@ -75,6 +76,8 @@ class LevenbergStage(AbstractStage):
         fresh = Relevance.start(best, self.config.prior)
         known = state.memory if isinstance(state.memory, Relevance) else fresh
         priors = fresh if self.widens else known
+        if self.learns:  # Beside the residuals of these windows.
+            priors = priors._replace(variance=fresh.variance)
         return state._replace(
             step=0,
             model=best,
@@ -90,9 +93,8 @@ class LevenbergStage(AbstractStage):
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
-        if state.step == 0 and self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
-            report = Report(state.best_loss, state.best_loss, finished=True, outcome="nothing left to explain")
-            return self._undone(state), report
+        if state.step == 0 and (why := self._needless(state)):
+            return self._undone(state), Report(state.best_loss, state.best_loss, finished=True, outcome=why)
         substeps = self._refined(state)
         objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
@@ -169,6 +171,14 @@ class LevenbergStage(AbstractStage):
             pin=pin,
         )
 
+    def _needless(self, state: TrainingState) -> str:
+        """Why the stage has nothing to do, if so."""
+        if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
+            return "nothing left to explain"
+        if self.corrections < highest_rung(state.best, jnp.zeros(state.best.space.size)):
+            return "friction is free already"
+        return ""
+
     def _learned(self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"]) -> TrainingState:
         """Learn the priors from a step from θ."""
         at = state.model, self.corrections
@@ -211,7 +221,7 @@ class LevenbergStage(AbstractStage):
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""
         return self.config.scaled_loss and loss < bound
 
-    def objective(self, substeps: int, weighing: Weighing) -> Objective:
+    def objective(self, substeps: int, weighing: Weighing) -> AbstractObjective:
         """How rollouts are compared with windows.
 
         Args:

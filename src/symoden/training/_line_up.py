@@ -4,20 +4,24 @@ import functools
 from collections.abc import Sequence
 from typing import Final
 
+import jax
+import jax.numpy as jnp
 import optax
 
 from symoden.blocks import RUNGS, count_parameters
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
+from symoden.models import StructuredModel
 
 from ._adam import adam
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
-from ._data import Data, adam_data, levenberg_data, longer_data, name_short, name_thinned
+from ._data import Data, adam_data, levenberg_data, longer_data, name_short, name_thinned, regression_data
 from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
 
+_MANY: Final = 3  # Coordinates.
 _CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
 _CLEAR: Final = 2.0  # The same for what is asked last: ask often enough, and chance says yes.
 
@@ -38,13 +42,17 @@ def line_up(
     """
     free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
+    weak = regression_data(dataset, dynamics, config) if free and _regresses(dynamics, config) else None
+    if weak is not None:
+        stages.append(LevenbergStage(weak, config, "regression", config.lm_steps))
+        stages.extend(_further(dynamics, weak, (), config, regression=True))
     if candidates and free:
         data, optimizer = adam_data(dataset, dynamics, config), adam_optimizer(config)
         name_short(dataset, data)
         many = len(candidates)
         names = [f"adam {k + 1} of {many}" for k in range(many)] if many > 1 else ["adam"]
         stages.extend(
-            AdamStage(data, config, name, config.adam_steps, fresh, optimizer)
+            AdamStage(data, config, name, config.adam_steps, fresh, optimizer, yields=weak is not None)
             for name, fresh in zip(names, candidates, strict=True)
         )
     if config.lm_steps:
@@ -55,6 +63,14 @@ def line_up(
             stages.append(LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps))
         stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
     return stages
+
+
+def _regresses(dynamics: AbstractDynamics, config: TrainingConfig) -> bool:
+    """Whether a regression comes first: on one or two coordinates Adam does as well, and as soon."""
+    if not isinstance(dynamics, StructuredModel) or dynamics.space.size < _MANY or not config.lm_steps:
+        return False
+    friction = jax.eval_shape(dynamics.dissipation_matrix, *jnp.zeros((2, dynamics.space.size)))
+    return friction.shape[0] == dynamics.space.size  # Not the paper's, on the full state.
 
 
 def adam_optimizer(config: TrainingConfig) -> optax.GradientTransformation:
@@ -76,7 +92,12 @@ def adam_optimizer(config: TrainingConfig) -> optax.GradientTransformation:
 
 
 def _further(
-    dynamics: AbstractDynamics, data: Data, longer: Sequence[Data], config: TrainingConfig
+    dynamics: AbstractDynamics,
+    data: Data,
+    longer: Sequence[Data],
+    config: TrainingConfig,
+    *,
+    regression: bool = False,
 ) -> list[LevenbergStage]:
     """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks.
 
@@ -90,30 +111,32 @@ def _further(
     Errors are not whitened where friction or networks are set free: what a block has not learned yet is no noise, and
     must count in full.
 
-    More than `MOST_PARAMETERS` are too many: networks then stay closed, and priors as wide as they are.
+    More than `MOST_PARAMETERS` are too many: networks then stay closed, and priors as wide as they are. In a regression
+    networks stay closed too.
 
     Returns:
         The stages.
     """
     counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
     freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
-    if counts[RUNGS] > MOST_PARAMETERS:
+    if regression or counts[RUNGS] > MOST_PARAMETERS:
         freed = [rung for rung in freed if rung < RUNGS]
     low = [rung for rung in freed if rung < RUNGS]
     judged = max(low, default=0)
     learns = config.relevance_steps > 0 and 0 < counts[judged] <= MOST_PARAMETERS
     grow, learn = config.growth_steps, config.relevance_steps
-    stages = [LevenbergStage(data, config, "friction", grow, rung, margin=_CHANCE) for rung in low]
-    whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=True)
+    of = "regression: " if regression else ""
+    stages = [LevenbergStage(data, config, f"{of}friction", grow, rung, margin=_CHANCE) for rung in low]
+    whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
     if learns:
-        stages.append(whitened(data, name="relevance", steps=learn, margin=-_CHANCE, learns=True))
+        stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))
     if not grow:
         return stages
     anew = functools.partial(whitened, name="longer windows", margin=-_CLEAR, learns=learns, widens=True)
     stages.extend(anew(each, steps=learn if learns else grow) for each in longer)
     longest = longer[-1] if longer else data
     if learns:
-        stages.append(whitened(longest, name="refit", steps=grow, margin=_CLEAR))
+        stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
     if RUNGS in freed:
         stages.append(LevenbergStage(longest, config, "growth", grow, RUNGS, margin=_CLEAR))
     return stages

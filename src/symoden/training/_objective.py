@@ -1,5 +1,6 @@
-"""What training minimises: the squared error of short rollouts from measured or estimated states."""
+"""What training minimises: above all the squared error of short rollouts from measured or estimated states."""
 
+import abc
 import math
 from typing import NamedTuple, final
 
@@ -50,8 +51,51 @@ class Batch(NamedTuple):
         return jax.tree.map(lambda x: x[index], self)
 
 
+class AbstractObjective(eqx.Module):
+    """What second-order training minimises the squares of.
+
+    Attributes:
+        weights: Factor on the error of every channel.
+    """
+
+    weights: eqx.AbstractVar[Float[Array, " o"]]
+
+    @abc.abstractmethod
+    def refined(self, solver: AbstractSolver, weighing: Weighing) -> "AbstractObjective":
+        """The same for second-order training.
+
+        Args:
+            solver: Advances the state between samples.
+            weighing: What errors count, among each other and beside the sensors.
+
+        Returns:
+            The objective.
+        """
+
+    @property
+    @abc.abstractmethod
+    def frees_starts(self) -> bool:
+        """Whether windows start from estimated states."""
+
+    @abc.abstractmethod
+    def residuals(self, dynamics: AbstractDynamics, window: Batch) -> Float[Array, "k o"]:
+        """Weighted errors on one window.
+
+        Args:
+            dynamics: Model.
+            window: One window.
+
+        Returns:
+            The residuals.
+        """
+
+    def loss(self, dynamics: AbstractDynamics, batch: Batch) -> Scalar:
+        """Mean of the squared residuals over a batch of windows."""
+        return jnp.mean(jax.vmap(lambda window: self.residuals(dynamics, window))(batch) ** 2)
+
+
 @final
-class Objective(eqx.Module):
+class Objective(AbstractObjective):
     """How a rollout is compared with a window.
 
     Attributes:
@@ -153,10 +197,6 @@ class Objective(eqx.Module):
         held = self.level >= _MOST_TRUST * sensors  # Also where there is no noise, nor a level.
         trust = jnp.where(held, _MOST_TRUST, jnp.maximum(self.level / jnp.where(held, 1, sensors), 1))
         return jnp.concatenate([(trust * self.weights)[None], rows])
-
-    def loss(self, dynamics: AbstractDynamics, batch: Batch) -> Scalar:
-        """Mean of the squared residuals over a batch of windows."""
-        return jnp.mean(jax.vmap(lambda window: self.residuals(dynamics, window))(batch) ** 2)
 
 
 def channel_order(space: Space) -> Int[np.ndarray, " o"]:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from symoden.blocks import without_silent
 from symoden.mechanics import AbstractDynamics
 
-from ._objective import Batch, Objective
+from ._objective import AbstractObjective, Batch
 from ._starts import Found, find_start, follow_start
 
 _ITERATIONS = 3
@@ -51,7 +51,7 @@ def map_windows(function: Callable[[PyTree], PyTree], batch: PyTree, *, chunk: i
     return jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:])[:total], results)
 
 
-def find_starts(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int = 512) -> Found:
+def find_starts(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch, *, chunk: int = 512) -> Found:
     """Find where rollouts start best, for any number of windows, in bounded memory.
 
     Args:
@@ -68,7 +68,7 @@ def find_starts(dynamics: AbstractDynamics, objective: Objective, batch: Batch, 
 
 def follow_starts(
     dynamics: AbstractDynamics,
-    objective: Objective,
+    objective: AbstractObjective,
     batch: Batch,
     inverse: Float[Array, "B s r"] | None = None,
     *,
@@ -89,7 +89,7 @@ def follow_starts(
     return _follow(without_silent(dynamics), objective, batch, inverse, chunk=chunk)
 
 
-def evaluate_residuals(dynamics: AbstractDynamics, objective: Objective, batch: Batch) -> Float[Array, "B k o"]:
+def evaluate_residuals(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Float[Array, "B k o"]:
     """Residuals of any number of windows in bounded memory, from the starts that are found.
 
     Args:
@@ -103,7 +103,7 @@ def evaluate_residuals(dynamics: AbstractDynamics, objective: Objective, batch: 
     return find_starts(dynamics, objective, batch).residuals
 
 
-def evaluate_loss(dynamics: AbstractDynamics, objective: Objective, batch: Batch) -> float:
+def evaluate_loss(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> float:
     """Loss over any number of windows in bounded memory.
 
     Args:
@@ -123,7 +123,9 @@ def mean_square(residuals: Float[np.ndarray, "..."]) -> float:
         return float(np.mean(residuals**2))
 
 
-def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objective, batch: Batch) -> float:
+def integration_error(
+    dynamics: AbstractDynamics, coarse: AbstractObjective, fine: AbstractObjective, batch: Batch
+) -> float:
     """Mean squared difference of the residuals under two solvers: what the coarse one adds to the loss.
 
     Args:
@@ -141,7 +143,7 @@ def integration_error(dynamics: AbstractDynamics, coarse: Objective, fine: Objec
 
 
 @eqx.filter_jit
-def _find(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chunk: int) -> Found:
+def _find(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch, *, chunk: int) -> Found:
     """`find_starts`, compiled."""
 
     def one(window: Batch) -> Found:
@@ -152,7 +154,12 @@ def _find(dynamics: AbstractDynamics, objective: Objective, batch: Batch, *, chu
 
 @eqx.filter_jit
 def _follow(
-    dynamics: AbstractDynamics, objective: Objective, batch: Batch, inverse: Float[Array, "B s r"] | None, *, chunk: int
+    dynamics: AbstractDynamics,
+    objective: AbstractObjective,
+    batch: Batch,
+    inverse: Float[Array, "B s r"] | None,
+    *,
+    chunk: int,
 ) -> Float[Array, "B k o"]:
     """`follow_starts`, compiled."""
 

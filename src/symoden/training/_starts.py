@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from symoden.mechanics import AbstractDynamics
 
-from ._objective import Batch, Objective
+from ._objective import AbstractObjective, Batch
 
 _RIDGE = 1e-12
 
@@ -28,7 +28,7 @@ class Found(NamedTuple):
 
 
 def find_start(
-    dynamics: AbstractDynamics, objective: Objective, window: Batch, *, iterations: int | Int[Array, ""] = 1
+    dynamics: AbstractDynamics, objective: AbstractObjective, window: Batch, *, iterations: int | Int[Array, ""] = 1
 ) -> Found:
     """Find the start from which the rollout of one window fits best, by Gauss-Newton from the start at hand.
 
@@ -54,7 +54,7 @@ def find_start(
 
 def follow_start(
     dynamics: AbstractDynamics,
-    objective: Objective,
+    objective: AbstractObjective,
     window: Batch,
     inverse: Float[Array, "s r"] | None,
     *,
@@ -112,7 +112,7 @@ def project_out(by_start: Float[Array, "r s"], columns: Float[Array, "r c"]) -> 
     return columns - Q @ (Q.T @ columns)
 
 
-def _by_start(dynamics: AbstractDynamics, objective: Objective, window: Batch) -> Float[Array, "r s"]:
+def _by_start(dynamics: AbstractDynamics, objective: AbstractObjective, window: Batch) -> Float[Array, "r s"]:
     """Jacobian of the residuals by the start."""
 
     def residuals(start: Float[Array, " s"]) -> Float[Array, " r"]:

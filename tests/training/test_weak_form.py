@@ -1,0 +1,200 @@
+"""The weak form of the equations of motion: true of true motions, and where training begins."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from symoden.data import Dataset, Trajectory, windows
+from symoden.integrate import HOLDS, RK4, rollout
+from symoden.models import KINDS, BlockConfig, ModelConfig, build, rescale
+from symoden.spaces import Space
+from symoden.systems import LinkChain
+from symoden.training import TrainingConfig
+from symoden.training._adam_stage import AdamStage
+from symoden.training._data import hold_out, regression_data
+from symoden.training._flatten import Flattening
+from symoden.training._gauss_newton import linearize
+from symoden.training._levenberg_stage import LevenbergStage
+from symoden.training._line_up import adam_optimizer, line_up
+from symoden.training._objective import Batch
+from symoden.training._relevance import Relevance
+from symoden.training._scales import measure_scales
+from symoden.training._state import Incumbent, TrainingState
+from symoden.training._weak_form import WeakForm
+from symoden.training._weighing import Weighing
+
+CHAIN = LinkChain.of_rods(3, mass=0.5, length=0.4, damping=0.1)
+PLAIN = ModelConfig(
+    inverse_mass=BlockConfig(harmonics=True),
+    potential=BlockConfig(harmonics=True),
+    actuation=BlockConfig(constant=True),
+    friction=BlockConfig(constant=True),
+    knees=(),
+)
+
+
+def swings(*, step=0.01, seconds=1.0, count=6, pace=3.0, seed=0):
+    """Recordings of a chain of three links under inputs that change at some pace."""
+    generator = np.random.default_rng(seed)
+    ts = np.arange(round(seconds / step) + 1) * step
+    recordings = []
+    for k in range(count):
+        phase = generator.uniform(0, 6, 3)
+        us = np.sin(pace * ts[:, None] + phase)
+        q0, v0 = generator.uniform(-1, 1, (2, 3))
+        path = rollout(CHAIN, *map(jnp.asarray, (q0, v0, ts, us)), solver=RK4(8))
+        parts = {"ts": ts, "q": np.asarray(path.q), "rates": np.asarray(path.rates), "us": us}
+        recordings.append(Trajectory(name=f"swing{k}", **parts))
+    return Dataset(name="swings", space="T3", train=tuple(recordings))
+
+
+def random_window(n, m, seed, samples=9):
+    """Noise: no motion of anything."""
+    generator = np.random.default_rng(seed)
+    ts = np.cumsum(generator.uniform(0.005, 0.02, samples))
+    q, rates = generator.normal(size=(2, samples, n))
+    us = generator.normal(size=(samples, m))
+    return Batch(*(jnp.asarray(x) for x in (ts - ts[0], q, rates, us, np.concatenate([q[0], rates[0]]))))
+
+
+def test_true_motions_satisfy_it_to_the_fourth_order_of_the_step():
+    form, (fine,) = WeakForm(jnp.ones(3), HOLDS["zero"]), swings(seconds=0.48, count=1, pace=0.0).train
+    errors = []
+    for every in (2, 1):
+        parts = {name: getattr(fine, name)[::every] for name in ("ts", "q", "rates", "us")}
+        batch = Batch.of(windows([dataclasses.replace(fine, **parts)], 32 // every, stride=16 // every))
+        errors.append(float(jnp.sqrt(form.loss(CHAIN, batch))))
+    assert errors[0] < 0.01  # Of velocities of 2 rad/s.
+    assert np.log2(errors[0] / errors[1]) > 3.5
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+def test_it_is_newtons_second_law_under_a_bump(hold, scrambled):
+    model = scrambled(build(PLAIN, Space.parse("R1 T2"), 2, key=jax.random.key(0)), 0, 0.5)
+    window = random_window(3, 2, 0)
+    ts, halves = np.asarray(window.ts), np.diff(np.asarray(window.ts)) / 2
+    x = 2 * ts / ts[-1] - 1
+    bump = (1 - x**2) ** 3
+    slope = np.asarray(jax.vmap(jax.grad(lambda t: (1 - (2 * t / ts[-1] - 1) ** 2) ** 3))(jnp.asarray(ts)), float)
+    before, after = np.pad(halves, (1, 0)), np.pad(halves, (0, 1))
+    us = np.asarray(window.us)
+    ended = np.roll(us, 1, axis=0) if hold == "zero" else us
+    inputs = (before[:, None] * ended + after[:, None] * us) / (before + after)[:, None]
+    states = jax.vmap(model.encode)(window.q, window.rates)
+    rates = jax.vmap(lambda s, u: model.derivative(jnp.zeros(()), s, u))(states, jnp.asarray(inputs))
+    impulse = ((before + after) * bump) @ rates[:, 3:] + ((before + after) * slope) @ states[:, 3:]
+    velocity = model.inverse_mass_matrix(window.q[4]) @ impulse / bump.mean()
+    found = WeakForm(jnp.array([1.0, 2.0, 3.0]), HOLDS[hold]).residuals(model, window)
+    assert np.asarray(found)[0] == pytest.approx(np.asarray(velocity) * [1, 2, 3], rel=1e-9, abs=1e-12)
+
+
+def test_no_scale_of_the_energy_changes_it(scrambled):
+    model = scrambled(build(PLAIN, Space.parse("T3"), 3, key=jax.random.key(0)), 0, 0.5)
+    form, window = WeakForm(jnp.ones(3), HOLDS["zero"]), random_window(3, 3, 0)
+    here, there = (np.asarray(form.residuals(each, window)) for each in (model, rescale(model, 7.0)))
+    assert there == pytest.approx(here, rel=1e-9, abs=1e-12)
+
+
+def test_its_derivative_is_that_of_the_residuals(scrambled):
+    model = scrambled(build(PLAIN, Space.parse("T3"), 3, key=jax.random.key(0)), 0, 0.5)
+    restore, theta = Flattening.of(model, corrections=0)
+    form, window = WeakForm(jnp.ones(3), HOLDS["zero"]), random_window(3, 3, 0)
+    r, J = linearize(restore, theta, form, window)
+    direction = jnp.asarray(np.random.default_rng(1).normal(size=theta.size))
+    value, slope = jax.jvp(lambda theta: form.residuals(restore(theta), window)[0], (theta,), (direction,))
+    assert np.asarray(r) == pytest.approx(np.asarray(value), rel=1e-12)
+    assert np.asarray(J @ direction) == pytest.approx(np.asarray(slope), rel=1e-9)
+
+
+def test_a_model_without_energies_is_refused():
+    model = build(dataclasses.replace(PLAIN, kind="naive"), Space.parse("T3"), 3, key=jax.random.key(0))
+    with pytest.raises(TypeError, match="must be mechanical; got NaiveModel"):
+        WeakForm(jnp.ones(3), HOLDS["zero"]).residuals(model, random_window(3, 3, 0))
+
+
+def regressions(dataset, model, config):
+    space = Space.parse(dataset.space)
+    stages = line_up(
+        dataset, build(model, space, dataset.inputs, momenta=dataset.momenta, key=jax.random.key(0)), (), config
+    )
+    return [stage.name for stage in stages if stage.name.startswith("regression")]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_three_coordinates_and_velocities_begin_with_it(kind, quick, pendulum):
+    dataset, model = swings(), dataclasses.replace(PLAIN, kind=kind)
+    wanted = ["regression", "regression: relevance", "regression: refit"] if kind in ("dissipative", "symoden") else []
+    assert regressions(dataset, model, quick) == wanted
+    assert regressions(dataclasses.replace(dataset, momenta=True), model, quick) == []
+    assert regressions(swings(seconds=0.06), model, quick) == []  # Too few samples in a row.
+    assert regressions(pendulum(), model, quick) == []
+
+
+def test_friction_on_the_full_state_has_none(quick):
+    assert regressions(swings(), dataclasses.replace(PLAIN, full_friction=True), quick) == []
+
+
+def regression(dataset, model, config):
+    data = regression_data(dataset, model, config)
+    assert data is not None
+    return data
+
+
+@pytest.fixture(scope="module")
+def searching():
+    config = TrainingConfig(validation=0.25, horizon=3, lm_horizon=10, lm_substeps=1)
+    dataset = hold_out(swings(count=8), config)
+    model = build(PLAIN, Space.parse("T3"), 3, key=jax.random.key(0))
+    return dataset, config, model
+
+
+@pytest.mark.parametrize(("yields", "loss", "skipped"), [(True, 0.05, True), (True, 0.2, False), (False, 0.05, False)])
+def test_adam_looks_for_a_basin_only_where_none_is_found(yields, loss, skipped, searching, monkeypatch):
+    dataset, config, model = searching
+    data = regression(dataset, model, config)
+    optimizer = adam_optimizer(dataclasses.replace(config, adam_steps=1))
+    stage = AdamStage(data, config, "adam", 1, model, optimizer, yields=yields)
+    monkeypatch.setattr("symoden.training._adam_stage.evaluate_loss", lambda *_: loss)
+    priors = Relevance.start(model, 3.0)
+    weighing = Weighing.plain(9)
+    before = TrainingState(
+        0, 0, model, priors, 1e-4, 1, weighing, model, 1.0, 0, 0, Incumbent(model, None, 0, weighing)
+    )
+    with jax.numpy_dtype_promotion("standard"):
+        state, report = stage.advance(stage.start(before))
+    assert report.finished
+    assert state.step == (0 if skipped else 1)
+    assert isinstance(state.memory, Relevance) == skipped
+    assert (report.outcome == "found already") == skipped
+
+
+def test_what_the_regression_found_stays_as_it_is_until_the_stage_that_frees_as_much(searching, scrambled):
+    dataset, config, _ = searching
+    model = build(dataclasses.replace(PLAIN, knees=(0.1,)), Space.parse("T3"), 3, key=jax.random.key(0))
+    data = regression(dataset, model, config)
+    weighing = Weighing.plain(9)
+    before = TrainingState(0, 0, model, None, 1e-4, 1, weighing, model, 1.0, 0, 0, Incumbent(model, None, 0, weighing))
+    freed = scrambled(model, 0, 0.1)
+    for best, corrections, passed in ((model, 0, False), (freed, 0, True), (freed, 1, False)):
+        stage = LevenbergStage(data, config, "levenberg-marquardt", 1, corrections)
+        state, report = stage.advance(stage.start(before._replace(best=best)))
+        assert (report.outcome == "friction is free already") == passed
+        assert state.step == (0 if passed else 1)
+
+
+def test_three_links_are_found_from_random_weights():
+    config = TrainingConfig(validation=0.2)
+    dataset = hold_out(swings(seconds=4.0, count=10), config)
+    scales = measure_scales(dataset.train, Space.parse("T3"), momenta=False)
+    model = build(PLAIN, Space.parse("T3"), 3, scales=scales, input_matrix=np.eye(3), key=jax.random.key(0))
+    weighing = Weighing.plain(9)
+    before = TrainingState(0, 0, model, None, 1e-4, 1, weighing, model, 1.0, 0, 0, Incumbent(model, None, 0, weighing))
+    stage = LevenbergStage(regression(dataset, model, config), config, "regression", 15)
+    state = stage.start(before)
+    assert state.best_loss > 1.0
+    for _ in range(15):
+        state, _ = stage.advance(state)
+    assert state.best_loss < 0.01
