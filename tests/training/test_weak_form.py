@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +13,7 @@ from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space
 from symoden.systems import LinkChain
-from symoden.training import TrainingConfig
+from symoden.training import TrainingConfig, fit
 from symoden.training._adam_stage import AdamStage
 from symoden.training._data import hold_out, regression_data
 from symoden.training._flatten import Flattening
@@ -198,3 +199,38 @@ def test_three_links_are_found_from_random_weights():
     for _ in range(15):
         state, _ = stage.advance(state)
     assert state.best_loss < 0.01
+
+
+def test_a_run_that_begins_with_it_and_is_stopped_after_every_stride_gives_the_same_bits(tmp_path):
+    model = dataclasses.replace(PLAIN, inverse_mass=BlockConfig(constant=True), knees=(0.1,))
+    config = TrainingConfig(
+        validation=0.25,
+        restarts=2,
+        adam_steps=1,
+        batch_size=4,
+        horizon=3,
+        lm_steps=2,
+        lm_horizon=10,
+        lm_substeps=1,
+        growth_steps=1,
+        relevance_steps=1,
+    )
+    dataset = swings(seconds=0.5, count=8)
+    whole = fit(dataset, model=model, config=config, folder=tmp_path / "whole")
+    stages, part = [], whole
+    for _ in range(20):
+        part = fit(
+            dataset,
+            model=model,
+            config=config,
+            folder=tmp_path / "parts",
+            resume=True,
+            max_minutes=0.0,
+            progress=lambda now: stages.append(now.stage),
+        )
+        if part.completed:
+            break
+    order = ["regression", "regression: friction", "regression: relevance", "regression: refit", "adam 1 of 2"]
+    assert list(dict.fromkeys(stages))[:5] == order
+    assert part.completed
+    assert eqx.tree_equal(part.model, whole.model)

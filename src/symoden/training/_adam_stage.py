@@ -59,10 +59,11 @@ class AdamStage(AbstractStage):
         model = cast(self.fresh, dtype)
         lean = without_silent(model)
         memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=0)))
-        best, loss = cast(state.best, dtype), state.best_loss
-        if math.isfinite(loss):
+        best, loss, known = cast(state.best, dtype), state.best_loss, state.memory
+        if isinstance(known, Relevance):  # A regression's loss is no rollout's.
             loss = evaluate_loss(best, self.data.objective, self._judged)
-        known = state.memory if isinstance(state.memory, Relevance) else Relevance.start(best, self.config.prior)
+        else:
+            known = Relevance.start(best, self.config.prior)
         incumbent = Incumbent(best, known, state.origin, state.weighing)
         return state._replace(step=0, model=model, best=best, best_loss=loss, incumbent=incumbent, memory=memory)
 

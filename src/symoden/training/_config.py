@@ -15,7 +15,8 @@ class TrainingConfig:
         unroll: Write Adam's rollouts out instead of looping over steps: slower to compile, faster for networks of the
             paper's size over few steps.
         restarts: Number of initial weights that Adam starts from; the one with the least validation loss goes on.
-        adam_steps: Number of Adam's steps from each of them.
+        adam_steps: Number of Adam's steps from each of them; none where a regression has found the basin, which comes
+            first on three coordinates and more.
         batch_size: Windows in one of Adam's steps.
         shuffle: Draw windows at random; otherwise take consecutive blocks in turn, as the paper does.
         learning_rate: Adam's first learning rate.
