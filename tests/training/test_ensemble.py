@@ -92,8 +92,14 @@ def test_where_the_data_say_nothing_they_scatter_as_the_prior_does(noisy):
 
 def test_members_go_through_adam_and_validation_and_keep_learned_priors(pendulum, small, quick, monkeypatch):
     begun = []
-    real = _ensemble._Member._begun
-    monkeypatch.setattr(_ensemble._Member, "_begun", lambda self: begun.append(real(self)) or begun[-1])
+    real = _ensemble._Member._sought
+
+    def sought(self, fresh):
+        *_, (loss, model) = real(self, fresh)
+        begun.append(model)
+        yield loss, model
+
+    monkeypatch.setattr(_ensemble._Member, "_sought", sought)
     result = fit(pendulum(count=4, samples=41), model=small, config=quick, members=2)
     ensemble = result.ensemble
     assert ensemble is not None
@@ -153,17 +159,13 @@ def test_interrupted_and_resumed_it_is_the_same(found, noisy, tmp_path):
 
 def test_what_ended_in_another_basin_is_no_member(noisy, monkeypatch):
     astray = {0, 2}
-    real = _ensemble._Member._begun
 
-    def begun(self):
-        model = real(self)
-        if self.number in astray:
-            monkeypatch.setattr(_ensemble._Member, "steps", 1)
-            return jax.tree.map(lambda x: 3 * x if x.dtype.kind == "f" else x, model)
-        monkeypatch.setattr(_ensemble._Member, "steps", 8)
-        return model
+    def sought(self, fresh):
+        wrong = self.number in astray
+        monkeypatch.setattr(_ensemble._Member, "steps", 1 if wrong else 8)
+        yield 1.0, jax.tree.map(lambda x: 3 * x if x.dtype.kind == "f" else x, fresh) if wrong else fresh
 
-    monkeypatch.setattr(_ensemble._Member, "_begun", begun)
+    monkeypatch.setattr(_ensemble._Member, "_sought", sought)
     ensemble = fit(noisy, model=MODEL, config=STEPS, members=2).ensemble
     assert isinstance(ensemble, Ensemble)
     assert (len(ensemble.members), ensemble.tried) == (2, 4)

@@ -13,7 +13,7 @@ from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space
 from symoden.systems import LinkChain
-from symoden.training import TrainingConfig, fit
+from symoden.training import TrainingConfig, _ensemble, fit
 from symoden.training._adam_stage import AdamStage
 from symoden.training._data import hold_out, regression_data
 from symoden.training._flatten import Flattening
@@ -234,3 +234,32 @@ def test_a_run_that_begins_with_it_and_is_stopped_after_every_stride_gives_the_s
     assert list(dict.fromkeys(stages))[:5] == order
     assert part.completed
     assert eqx.tree_equal(part.model, whole.model)
+
+
+def test_members_begin_with_it_too(monkeypatch):
+    begun = []
+    real = _ensemble._Member._sought
+
+    def sought(self, fresh):
+        for loss, model in real(self, fresh):
+            begun.append((self.number, loss))
+            yield loss, model
+
+    monkeypatch.setattr(_ensemble._Member, "_sought", sought)
+    config = TrainingConfig(
+        validation=0.25,
+        restarts=1,
+        adam_steps=1,
+        batch_size=4,
+        horizon=3,
+        lm_horizon=10,
+        lm_substeps=1,
+        lm_steps=3,
+        growth_steps=0,
+        relevance_steps=0,
+    )
+    seen = []
+    fit(swings(count=8), model=PLAIN, config=config, members=2, progress=seen.append)
+    strides = [number for number, _ in begun]
+    assert [strides.count(number) for number in dict.fromkeys(strides)][:2] == [4, 4]  # Three steps, then Adam's one.
+    assert sum(each.stage == "model 1 of 2" and not each.step for each in seen) >= 4

@@ -284,8 +284,7 @@ def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dat
     ensemble = read_ensemble(folder, model, config)
     if ensemble is not None:
         return ensemble
-    substeps = int(evaluation_solver(config).substeps)
-    return infer_posterior(model, dataset, dataclasses.replace(config.training, lm_substeps=substeps))
+    return infer_posterior(model, dataset, dataclasses.replace(config.training, lm_substeps=_settled(config)))
 
 
 def read_ensemble(folder: Path, model: AbstractDynamics, config: RunConfig) -> Ensemble | None:
@@ -319,7 +318,12 @@ def evaluation_solver(config: RunConfig) -> RK4:
     Returns:
         The solver.
     """
-    return RK4(max(_LEAST_SUBSTEPS, config.training.substeps, config.training.lm_substeps or 1, config.substeps))
+    return RK4(max(_LEAST_SUBSTEPS, _settled(config)))
+
+
+def _settled(config: RunConfig) -> int:
+    """RK4 steps in a sampling interval that training ended with: its errors are below what the model leaves open."""
+    return max(config.training.substeps, config.training.lm_substeps or 1, config.substeps)
 
 
 def refuse_occupied(folder: Path) -> None:

@@ -27,7 +27,7 @@ from ._objective import Batch
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss
 from ._run import Progress, Stopwatch
-from ._stages import EXACT, EXPLAINED
+from ._stages import EXACT, EXPLAINED, AbstractStage
 from ._state import TrainingState
 
 FEWEST_MEMBERS: Final = 2
@@ -182,13 +182,13 @@ class Pattern(NamedTuple):
 
     Attributes:
         fresh: Makes an untrained model from the number of a draw.
-        adam: What finds the basin; None if the stage after it needs no such help.
+        first: Stages that find the basin, in turn; none if the stage after them needs no such help.
         stage: The stage that the trained model came from.
         state: The state at the end of training.
     """
 
     fresh: Callable[[int], AbstractDynamics]
-    adam: AdamStage | None
+    first: tuple[AbstractStage, ...]
     stage: LevenbergStage
     state: TrainingState
 
@@ -284,14 +284,17 @@ class _Member:
         return config.lm_steps + config.growth_steps + self.pattern.stage.learns * config.relevance_steps
 
     def train(self) -> Iterator[_Trained]:
-        """Adam from fresh weights, then Levenberg-Marquardt.
+        """Into a basin from fresh weights, then Levenberg-Marquardt to its bottom.
 
         Yields:
             After each step its number, the loss and the best parameters so far.
         """
         stage = self.pattern.stage
         data, config = stage.data, stage.config
-        theta = Flattening.of(self._begun(), corrections=stage.corrections)[1]
+        begun = self.pattern.fresh(self.number)
+        for loss, begun in self._sought(begun):
+            yield _Trained(0, loss, False, np.asarray(self._flat(begun)))
+        theta = self._flat(begun)
         state, best, least, stale = LevenbergState(theta, config.damping), theta, math.inf, 0
         final, priors = self.pattern.state, self.pattern.state.memory
         mean = self._mean(priors.precisions(self.restore(theta), stage.corrections))
@@ -319,19 +322,24 @@ class _Member:
             if ended:
                 break
 
-    def _begun(self) -> AbstractDynamics:
-        """A fresh model, in a basin if Adam is to find one."""
-        fresh, adam = self.pattern.fresh(self.number), self.pattern.adam
-        if adam is None:
-            return cast(fresh, float)
-        stage = dataclasses.replace(adam, fresh=fresh)
-        state = stage.start(self.pattern.state)
-        state = state._replace(best=state.model, best_loss=math.inf)
-        finished = False
-        while not finished:
-            state, done = stage.advance(state)
-            finished = done.finished
-        return cast(state.best, float)
+    def _sought(self, fresh: AbstractDynamics) -> Iterator[tuple[float, AbstractDynamics]]:
+        """From a fresh model into a basin.
+
+        Yields:
+            The loss and the best model so far, after each stride.
+        """
+        state = self.pattern.state._replace(best=fresh, best_loss=math.inf, memory=None)
+        for each in self.pattern.first:
+            stage = dataclasses.replace(each, fresh=fresh) if isinstance(each, AdamStage) else each
+            state, finished = stage.start(state), False
+            while not finished:
+                state, done = stage.advance(state)
+                finished = done.finished
+                yield done.loss, state.best
+
+    def _flat(self, model: AbstractDynamics) -> Float[Array, " P"]:
+        """Its free parameters."""
+        return Flattening.of(cast(model, float), corrections=self.pattern.stage.corrections)[1]
 
     def _mean(self, precisions: Float[np.ndarray, " P"]) -> Float[np.ndarray, " P"]:
         """A mean of the prior, drawn from itself; zero where it is flat."""

@@ -222,10 +222,11 @@ def _pattern(
     stages: Sequence[AbstractStage], state: TrainingState, fresh: Callable[[int], AbstractDynamics]
 ) -> Pattern:
     """How members are trained: as the stage did that the best model came from."""
-    adam = next((stage for stage in stages if isinstance(stage, AdamStage)), None)
+    regression = [stage for stage in stages[:1] if isinstance(stage, LevenbergStage) and stage.regresses]
+    adam = [stage for stage in stages if isinstance(stage, AdamStage)][:1]
     last = stages[state.origin]
     if not isinstance(last, LevenbergStage):
         raise TypeError("The best model must come from Levenberg-Marquardt.")
     # What an earlier stage set free and validation kept is open, though the last one did not change it.
     rung = max(last.corrections, highest_rung(state.best, jnp.zeros(state.best.space.size)))
-    return Pattern(fresh, adam, dataclasses.replace(last, corrections=rung), state)
+    return Pattern(fresh, (*regression, *adam), dataclasses.replace(last, corrections=rung), state)

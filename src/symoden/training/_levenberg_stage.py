@@ -21,6 +21,7 @@ from ._relevance import Relevance, free_scale
 from ._residuals import evaluate_loss, integration_error
 from ._stages import EXACT, EXPLAINED, AbstractStage
 from ._state import Incumbent, Report, TrainingState
+from ._weak_form import WeakForm
 from ._weighing import Weighing
 
 STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as none.
@@ -211,6 +212,11 @@ class LevenbergStage(AbstractStage):
             return True, "converged"
         finished = state.step >= self.steps
         return finished, "all steps taken" if finished else ""
+
+    @property
+    def regresses(self) -> bool:
+        """Whether nothing is rolled out."""
+        return isinstance(self.data.objective, WeakForm)
 
     @property
     def _judged(self) -> Batch:

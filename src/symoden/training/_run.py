@@ -175,7 +175,8 @@ def run(
         if report.finished:
             state = _next(stages, state)
         journal.write(state, lines, seconds=seconds)
-        progress(now)
+        if now.step:  # Else the stage had nothing to do.
+            progress(now)
         if watch.is_over and state.stage < len(stages):
             left = stages[state.stage :]
             return left[0].settled(state), watch.outcome([each.name for each in left])
