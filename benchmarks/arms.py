@@ -19,7 +19,7 @@ from numpy.random import Generator
 from symoden import KnownParts, read_urdf
 from symoden.blocks import without_silent
 from symoden.integrate import RK4
-from symoden.mechanics import AbstractDynamics
+from symoden.mechanics import AbstractMechanical
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 
@@ -60,7 +60,7 @@ def friction(joints: int) -> list[list[str]]:
     return [[law if i == k else "0" for i in range(joints)] for k, law in enumerate(laws)]
 
 
-def simulate(arm: AbstractDynamics, seconds: float, generator: Generator) -> dict[str, np.ndarray]:
+def simulate(arm: AbstractMechanical, seconds: float, generator: Generator) -> dict[str, np.ndarray]:
     """One recording: drives follow sums of sines, and what they push with is logged."""
     n, samples = arm.space.size, round(seconds / STEP)
     ts = np.arange(samples + 1) * STEP
@@ -74,7 +74,7 @@ def simulate(arm: AbstractDynamics, seconds: float, generator: Generator) -> dic
         t, target = sample
         q, v = arm.decode(state)
         u = stiffness * (target - q) - 0.15 * stiffness * v
-        u = u + jax.grad(lambda q: arm.hamiltonian(q, jnp.zeros_like(q)))(q)
+        u = u + jax.grad(arm.potential_energy)(q)
         after = solver.step(arm.derivative, state, t, t + STEP, u, u)
         return after, (q, v, u)
 
@@ -126,6 +126,8 @@ def main() -> None:
     space = Space.parse(f"T{given.joints}")
     one = np.eye(given.joints)
     arm = build(ModelConfig(), space, given.joints, input_matrix=one, known=known, key=jax.random.key(0))
+    if not isinstance(arm, AbstractMechanical):
+        raise TypeError(f"An arm must be mechanical; got {type(arm).__name__}.")
     arm = without_silent(arm)
     for part, count in RECORDINGS.items():
         for k in range(count):

@@ -8,20 +8,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.data import Dataset, Trajectory, windows
+from symoden.blocks import Correction
+from symoden.data import Dataset, Trajectory
 from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space
 from symoden.systems import LinkChain
 from symoden.training import TrainingConfig, _ensemble, fit
 from symoden.training._adam_stage import AdamStage
-from symoden.training._data import hold_out, regression_data
-from symoden.training._flatten import Flattening
+from symoden.training._data import adam_data, hold_out, levenberg_data, regression_data
+from symoden.training._flatten import Flattening, cast
 from symoden.training._gauss_newton import linearize
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import adam_optimizer, line_up
 from symoden.training._objective import Batch
 from symoden.training._relevance import Relevance
+from symoden.training._residuals import evaluate_loss
 from symoden.training._scales import measure_scales
 from symoden.training._state import Incumbent, TrainingState
 from symoden.training._weak_form import WeakForm
@@ -61,33 +63,55 @@ def random_window(n, m, seed, samples=9):
     return Batch(*(jnp.asarray(x) for x in (ts - ts[0], q, rates, us, np.concatenate([q[0], rates[0]]))))
 
 
-def test_true_motions_satisfy_it_to_the_fourth_order_of_the_step():
-    form, (fine,) = WeakForm(jnp.ones(3), HOLDS["zero"]), swings(seconds=0.48, count=1, pace=0.0).train
-    errors = []
-    for every in (2, 1):
-        parts = {name: getattr(fine, name)[::every] for name in ("ts", "q", "rates", "us")}
-        batch = Batch.of(windows([dataclasses.replace(fine, **parts)], 32 // every, stride=16 // every))
-        errors.append(float(jnp.sqrt(form.loss(CHAIN, batch))))
+def motion(step, hold, kind):
+    """A motion of the chain as one window, under inputs that stay, swing or jump between samples."""
+    ts = np.arange(round(0.48 / step) + 1) * step
+    us = {
+        "constant": np.ones((len(ts), 3)),
+        "sine": np.sin(3 * ts[:, None] + np.arange(1, 4)),
+        "steps": np.where(ts[:, None] + 1e-9 > [0.12, 0.2, 0.3], 3.0, -3.0),
+    }[kind]
+    start = np.random.default_rng(1).uniform(-1, 1, (2, 3))
+    path = rollout(CHAIN, *map(jnp.asarray, (*start, ts, us)), solver=RK4(8), hold=HOLDS[hold])
+    return Batch(*(jnp.asarray(x)[None] for x in (ts, path.q, path.rates, us, np.concatenate(start))))
+
+
+@pytest.mark.parametrize("hold", HOLDS)
+@pytest.mark.parametrize("kind", ["constant", "sine", "steps"])
+def test_true_motions_satisfy_it_to_the_fourth_order_of_even_steps(hold, kind):
+    form = WeakForm(jnp.ones(3), HOLDS[hold])
+    # With linear hold what steps is a ramp, another one with every step.
+    errors = [float(jnp.sqrt(form.loss(CHAIN, motion(step, hold, kind)))) for step in (0.02, 0.01)]
     assert errors[0] < 0.01  # Of velocities of 2 rad/s.
     assert np.log2(errors[0] / errors[1]) > 3.5
 
 
+def test_uneven_steps_weigh_by_their_lengths():
+    fine, form = motion(0.005, "zero", "constant"), WeakForm(jnp.ones(3), HOLDS["zero"])
+    kept = np.concatenate([np.arange(0, 48, 1), np.arange(48, 97, 2)])
+    ts, q, rates, us = (x[:, kept] for x in fine[:4])
+    thinned = Batch(ts, q, rates, us, fine.start)
+    wrong = LinkChain.of_rods(3, mass=0.5, length=0.4, damping=0.3)
+    even, uneven = (np.asarray(form.residuals(wrong, jax.tree.map(lambda x: x[0], b))) for b in (fine, thinned))
+    assert np.abs(even).max() > 0.1
+    assert uneven == pytest.approx(even, abs=0.02 * float(np.abs(even).max()))
+
+
 @pytest.mark.parametrize("hold", HOLDS)
 def test_it_is_newtons_second_law_under_a_bump(hold, scrambled):
-    model = scrambled(build(PLAIN, Space.parse("R1 T2"), 2, key=jax.random.key(0)), 0, 0.5)
+    config = dataclasses.replace(PLAIN, knees=(0.1,))
+    model = scrambled(build(config, Space.parse("R1 T2"), 2, key=jax.random.key(0)), 0, 0.5)
     window = random_window(3, 2, 0)
+    window = window._replace(us=jnp.broadcast_to(window.us[:1], window.us.shape))  # Nothing jumps.
     ts, halves = np.asarray(window.ts), np.diff(np.asarray(window.ts)) / 2
     x = 2 * ts / ts[-1] - 1
     bump = (1 - x**2) ** 3
     slope = np.asarray(jax.vmap(jax.grad(lambda t: (1 - (2 * t / ts[-1] - 1) ** 2) ** 3))(jnp.asarray(ts)), float)
-    before, after = np.pad(halves, (1, 0)), np.pad(halves, (0, 1))
-    us = np.asarray(window.us)
-    ended = np.roll(us, 1, axis=0) if hold == "zero" else us
-    inputs = (before[:, None] * ended + after[:, None] * us) / (before + after)[:, None]
+    whole = np.pad(halves, (1, 0)) + np.pad(halves, (0, 1))
     states = jax.vmap(model.encode)(window.q, window.rates)
-    rates = jax.vmap(lambda s, u: model.derivative(jnp.zeros(()), s, u))(states, jnp.asarray(inputs))
-    impulse = ((before + after) * bump) @ rates[:, 3:] + ((before + after) * slope) @ states[:, 3:]
-    velocity = model.inverse_mass_matrix(window.q[4]) @ impulse / bump.mean()
+    rates = jax.vmap(lambda s, u: model.derivative(jnp.zeros(()), s, u))(states, window.us)
+    impulse = (whole * bump) @ rates[:, 3:] + (whole * slope) @ states[:, 3:]
+    velocity = model.inverse_mass_matrix(window.q[np.argmax(bump)]) @ impulse * ts[-1] / (whole @ bump)
     found = WeakForm(jnp.array([1.0, 2.0, 3.0]), HOLDS[hold]).residuals(model, window)
     assert np.asarray(found)[0] == pytest.approx(np.asarray(velocity) * [1, 2, 3], rel=1e-9, abs=1e-12)
 
@@ -172,18 +196,75 @@ def test_adam_looks_for_a_basin_only_where_none_is_found(yields, loss, skipped, 
     assert (report.outcome == "found already") == skipped
 
 
-def test_what_the_regression_found_stays_as_it_is_until_the_stage_that_frees_as_much(searching, scrambled):
+def diverging(model):
+    """A model of which nothing is a number."""
+    return jax.tree.map(lambda x: x * jnp.nan if eqx.is_inexact_array(x) else x, model)
+
+
+def corrections_of(model):
+    """What corrects its blocks."""
+    nodes = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction))
+    return [node for node in nodes if isinstance(node, Correction)]
+
+
+def begun_with(best, model):
+    """State of training with a best model."""
+    weighing = Weighing.plain(9)
+    incumbent = Incumbent(model, None, 0, weighing)
+    return TrainingState(0, 0, model, None, 1e-4, 1, weighing, best, 1.0, 0, 0, incumbent)
+
+
+def test_what_the_regression_set_free_stays_free_and_is_not_asked_again(searching, scrambled):
     dataset, config, _ = searching
     model = build(dataclasses.replace(PLAIN, knees=(0.1,)), Space.parse("T3"), 3, key=jax.random.key(0))
-    data = regression(dataset, model, config)
-    weighing = Weighing.plain(9)
-    before = TrainingState(0, 0, model, None, 1e-4, 1, weighing, model, 1.0, 0, 0, Incumbent(model, None, 0, weighing))
-    freed = scrambled(model, 0, 0.1)
-    for best, corrections, passed in ((model, 0, False), (freed, 0, True), (freed, 1, False)):
-        stage = LevenbergStage(data, config, "levenberg-marquardt", 1, corrections)
-        state, report = stage.advance(stage.start(before._replace(best=best)))
-        assert (report.outcome == "friction is free already") == passed
-        assert state.step == (0 if passed else 1)
+    data, freed = levenberg_data(dataset, model, config), scrambled(model, 0, 0.1)
+    for best, frees, corrections in ((model, False, 0), (freed, False, 0), (model, True, 1), (freed, True, 1)):
+        stage = LevenbergStage(data, config, "stage", 1, corrections, frees=frees)
+        state, report = stage.advance(stage.start(begun_with(best, model)))
+        assert (report.outcome == "free already") == (frees and best is freed)
+        assert state.step == (0 if frees and best is freed else 1)
+        still = eqx.tree_equal(corrections_of(state.model), corrections_of(best))
+        assert still == (state.step == 0 or (best is model and not corrections))
+    asked = [stage for stage in line_up(dataset, model, (), config) if stage.name.endswith("friction")]
+    assert [isinstance(stage, LevenbergStage) and stage.frees for stage in asked] == [True, True]
+
+
+def test_rollouts_begin_with_a_guess_that_is_better(searching):
+    dataset, config, model = searching
+    data = levenberg_data(dataset, model, config)
+    astray = diverging(model)
+    for best, guess in ((astray, model), (model, astray)):
+        state = LevenbergStage(data, config, "stage", 1, guess=guess).start(begun_with(best, model))
+        assert eqx.tree_equal(state.best, cast(model, float))
+    assert LevenbergStage(data, config, "stage", 1).start(begun_with(astray, model)).best_loss == np.inf
+    for candidates, guess in (((), model), ((model,), None)):
+        first = next(s for s in line_up(dataset, model, candidates, config) if s.name == "levenberg-marquardt")
+        assert isinstance(first, LevenbergStage)
+        assert first.guess is guess
+
+
+def test_a_model_that_diverges_gives_way(searching):
+    dataset, config, model = searching
+    data = adam_data(dataset, model, config)
+    optimizer = adam_optimizer(dataclasses.replace(config, adam_steps=2))
+    stage = AdamStage(data, config, "adam", 2, model, optimizer, yields=True)
+    before = begun_with(diverging(model), model)._replace(memory=Relevance.start(model, 3.0))
+    with jax.numpy_dtype_promotion("standard"):
+        state, report = stage.advance(stage.start(before))
+    assert state.step == 2
+    assert state.best_loss == report.validation
+
+
+def test_where_time_ends_before_rollouts_the_loss_is_that_of_rollouts(searching):
+    dataset, config, _ = searching
+    longer = dataclasses.replace(config, lm_substeps=None, growth_steps=0, relevance_steps=0, adam_steps=0)
+    found = fit(dataset, model=PLAIN, config=longer, max_minutes=1e-6)
+    assert not found.completed
+    data = levenberg_data(hold_out(dataset, longer), found.model, longer)
+    objective = data.objective.refined(RK4(found.substeps), Weighing.plain(9))
+    assert data.validation is not None
+    loss = evaluate_loss(cast(found.model, float), objective, data.validation)
+    assert found.loss == pytest.approx(loss, rel=1e-4)
 
 
 def test_three_links_are_found_from_random_weights():
@@ -230,7 +311,7 @@ def test_a_run_that_begins_with_it_and_is_stopped_after_every_stride_gives_the_s
         )
         if part.completed:
             break
-    order = ["regression", "regression: friction", "regression: relevance", "regression: refit", "adam 1 of 2"]
+    order = ["regression", "regression: friction", "regression: relevance", "regression: refit", "levenberg-marquardt"]
     assert list(dict.fromkeys(stages))[:5] == order
     assert part.completed
     assert eqx.tree_equal(part.model, whole.model)

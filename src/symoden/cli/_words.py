@@ -35,7 +35,9 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
             f"± is half of a {certain.level:.0%} band, from {models}, each trained on {certain.windows} windows drawn "
             "with replacement"
         )
-    yield "typical: " + ", ".join(f"{name} ± {100 * value:.2g}%" for name, value in certain.relative.items() if value > _NONE)
+    yield "typical: " + ", ".join(
+        f"{name} ± {100 * value:.2g}%" for name, value in certain.relative.items() if value > _NONE
+    )
     if certain.undetermined:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
 

@@ -42,7 +42,7 @@ class AdamStage(AbstractStage):
         fresh: The untrained model to start from.
         optimizer: What updates the parameters. Made once and shared, since JAX recognises a compiled function by the
             identity of the functions it was made from.
-        yields: Do nothing where a stage before has found the basin.
+        yields: Do nothing where a stage before has found the basin, as far as a scaled loss tells.
     """
 
     data: Data
@@ -69,7 +69,8 @@ class AdamStage(AbstractStage):
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
-        if self.yields and state.step == 0 and state.best_loss < _FOUND:
+        known = self.yields and self.config.scaled_loss and state.best_loss < _FOUND
+        if known and state.step == 0:
             state = state._replace(model=state.best, memory=state.incumbent.memory)
             return state, Report(state.best_loss, state.best_loss, finished=True, outcome="found already")
         restore, theta = Flattening.of(state.model, corrections=0, dtype=self.data.train.q.dtype)

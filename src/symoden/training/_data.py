@@ -127,6 +127,9 @@ def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: Trainin
 def regression_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data | None:
     """Cut windows that overlap by half, for the weak form of the equations of motion.
 
+    They are as long as the training recordings are good for: a validation part that is too short for them judges the
+    rollouts that follow, and not what they begin with.
+
     Args:
         dataset: Recordings.
         dynamics: Model, for its space.
@@ -135,10 +138,18 @@ def regression_data(dataset: Dataset, dynamics: AbstractDynamics, config: Traini
     Returns:
         The windows, in double precision; None where momenta were recorded, or too few samples in a row.
     """
-    horizon = _horizon(dataset, _BUMP_HORIZON, _FEWEST_STEPS)
+    horizon = _horizon(dataclasses.replace(dataset, validation=()), _BUMP_HORIZON, _FEWEST_STEPS)
     if dataset.momenta or horizon < _FEWEST_STEPS:
         return None
-    data = _data(dataset, dynamics, config, horizon=horizon, stride=horizon // 2, dtype=jnp.float64)
+    judged = tuple(recording for recording in dataset.validation if len(recording) > horizon)
+    data = _data(
+        dataclasses.replace(dataset, validation=judged),
+        dynamics,
+        config,
+        horizon=horizon,
+        stride=horizon // 2,
+        dtype=jnp.float64,
+    )
     weights = jnp.asarray(channel_weights(data.train, dynamics)[-dynamics.space.size :], float)
     return _thinned(data._replace(objective=WeakForm(weights, HOLDS[dataset.hold])), config.lm_samples)
 

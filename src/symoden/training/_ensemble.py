@@ -291,10 +291,10 @@ class _Member:
         """
         stage = self.pattern.stage
         data, config = stage.data, stage.config
-        begun = self.pattern.fresh(self.number)
-        for loss, begun in self._sought(begun):
-            yield _Trained(0, loss, False, np.asarray(self._flat(begun)))
-        theta = self._flat(begun)
+        theta = self._flat(fresh := self.pattern.fresh(self.number))
+        for loss, begun in self._sought(fresh):
+            theta = self._flat(begun)
+            yield _Trained(step=0, loss=loss, ended=False, best=np.asarray(theta))
         state, best, least, stale = LevenbergState(theta, config.damping), theta, math.inf, 0
         final, priors = self.pattern.state, self.pattern.state.memory
         mean = self._mean(priors.precisions(self.restore(theta), stage.corrections))

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from symoden.blocks import count_parameters, highest_rung, trainable
+from symoden.blocks import count_parameters, trainable
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, build, check_known, save
@@ -20,7 +20,7 @@ from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import hold_out
 from ._ensemble import Ensemble, Pattern, check_members, train_members
-from ._flatten import cast
+from ._flatten import cast, freed
 from ._levenberg_stage import LevenbergStage
 from ._line_up import line_up
 from ._run import MODEL, Journal, Progress, Stopwatch, run
@@ -131,6 +131,8 @@ def fit(
         watch = Stopwatch(max_minutes)
         state, outcome = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
         completed, ensemble = state.stage == len(stages), None
+        if not completed:
+            state = _rated(stages, state)
         if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _LOST):
             raise TrainingError(
                 "Training must find a model whose errors are finite and not far larger than the motion; the best one "
@@ -192,6 +194,15 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     return stages, state
 
 
+def _rated(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:
+    """The state of training that ended before second-order steps on rollouts, its best model rated by rollouts."""
+    rollouts = [k for k, stage in enumerate(stages) if isinstance(stage, LevenbergStage) and not stage.regresses]
+    stage = stages[rollouts[0]] if rollouts else None
+    if not isinstance(stage, LevenbergStage) or state.stage >= rollouts[0]:
+        return state
+    return stage.rated(state)
+
+
 def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[[int], AbstractDynamics]:
     """What makes untrained models from the number of a draw."""
     space = Space.parse(dataset.space)
@@ -225,8 +236,8 @@ def _pattern(
     regression = [stage for stage in stages[:1] if isinstance(stage, LevenbergStage) and stage.regresses]
     adam = [stage for stage in stages if isinstance(stage, AdamStage)][:1]
     last = stages[state.origin]
-    if not isinstance(last, LevenbergStage):
-        raise TypeError("The best model must come from Levenberg-Marquardt.")
+    if not isinstance(last, LevenbergStage) or last.regresses:
+        raise TypeError("The best model must come from Levenberg-Marquardt on rollouts.")
     # What an earlier stage set free and validation kept is open, though the last one did not change it.
-    rung = max(last.corrections, highest_rung(state.best, jnp.zeros(state.best.space.size)))
+    rung = max(last.corrections, freed(state.best))
     return Pattern(fresh, (*regression, *adam), dataclasses.replace(last, corrections=rung), state)

@@ -9,7 +9,7 @@ import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
-from symoden.blocks import trainable, without_silent
+from symoden.blocks import highest_rung, trainable, without_silent
 
 
 @final
@@ -66,6 +66,11 @@ class Flattening(eqx.Module):
         parts = jnp.split(theta, ends[:-1])
         leaves = [part.reshape(shape) for part, shape in zip(parts, self.shapes, strict=True)]
         return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.fixed)
+
+
+def freed(model: PyTree) -> int:
+    """Up to which rung training has set corrections of a model free and kept them."""
+    return highest_rung(model, jnp.zeros(model.space.size))
 
 
 def cast(model: PyTree, dtype: DTypeLike) -> PyTree:

@@ -49,7 +49,7 @@ class NormalEquations(NamedTuple):
 
     @property
     def loss(self) -> float:
-        """Mean of r²; not finite where a rollout diverges."""
+        """Mean of r²; infinite where a rollout diverges."""
         return mean_square(self.residuals)
 
     def pinned(self, direction: np.ndarray) -> "NormalEquations":

@@ -10,14 +10,13 @@ import scipy.linalg
 import scipy.stats
 from jaxtyping import Array, Float
 
-from symoden.blocks import highest_rung
 from symoden.data import Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
 from ._config import TrainingConfig
 from ._data import hold_out, levenberg_data
-from ._flatten import Flattening, cast
+from ._flatten import Flattening, cast, freed
 from ._gauss_newton import MOST_PARAMETERS, Linearization
 from ._level import LEAST_WINDOWS, expected_level
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
@@ -112,8 +111,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
     config = config or TrainingConfig()
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
         model = cast(model, float)
-        rung = highest_rung(model, jnp.zeros(model.space.size))
-        restore, theta = Flattening.of(model, corrections=rung)
+        restore, theta = Flattening.of(model, corrections=freed(model))
         if not 0 < theta.size <= MOST_PARAMETERS:
             raise ValueError(
                 f"The posterior needs 1 to {MOST_PARAMETERS} free parameters; the model has {theta.size}. "

@@ -6,14 +6,14 @@ from typing import Final, final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
-from symoden.blocks import highest_rung
 from symoden.integrate import RK4
+from symoden.mechanics import AbstractDynamics
 
 from ._config import TrainingConfig
 from ._data import Data
-from ._flatten import Flattening, cast
+from ._flatten import Flattening, cast, freed
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
 from ._objective import AbstractObjective, Batch
@@ -44,13 +44,16 @@ class LevenbergStage(AbstractStage):
         config: Settings.
         name: What reports call it.
         steps: Largest number of steps.
-        corrections: Up to which rung corrections are free: none, those of friction, all.
+        corrections: Up to which rung corrections are free: none, those of friction, all. Those that a stage before has
+            set free and kept are free in any case.
         margin: What comes of the stage is kept if it is better than what was before by more than so many standard
             errors of the difference in validation; below zero, unless it is worse by that many. Such a stage is
             skipped where nothing is left to explain. None keeps the best model.
         whitens: Errors count as what is new in them, where starts are as measured.
         learns: Learn the priors too. Else they fade with the loss.
         widens: Priors are as wide as at first.
+        frees: Nothing is done where what it would set free is free already.
+        guess: A model to begin with where its rollouts are better than those of the best one so far.
     """
 
     data: Data
@@ -62,11 +65,13 @@ class LevenbergStage(AbstractStage):
     whitens: bool = False
     learns: bool = False
     widens: bool = False
+    frees: bool = False
+    guess: AbstractDynamics | None = None
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
-        best = cast(state.best, self.data.train.q.dtype)
-        restore, theta = Flattening.of(best, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        best = cast(self._better(state), self.data.train.q.dtype)
+        restore, theta = self._flattened(best)
         solver = RK4(jnp.asarray(state.substeps))
         where = restore, theta, self.data.objective, solver, self.data.train
         weighing = Weighing.plain(best.space.embedded_size + best.space.size, expected_level(*where))
@@ -100,7 +105,7 @@ class LevenbergStage(AbstractStage):
         objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
             state = state._replace(best_loss=evaluate_loss(state.best, objective, self._judged))
-        restore, theta = Flattening.of(state.model, corrections=self.corrections, dtype=self.data.train.q.dtype)
+        restore, theta = self._flattened(state.model)
         before = LevenbergState(theta, state.damping)
         after, step = self.step(
             before, restore, self.data.train, substeps=substeps, weighing=state.weighing, priors=state.memory
@@ -110,7 +115,7 @@ class LevenbergStage(AbstractStage):
         judged = step.after if validation is None else validation
         state = state._replace(step=state.step + 1, model=model, damping=after.damping, substeps=substeps)
         if self.learns:
-            state = self._learned(state, step, np.asarray(theta, float))
+            state = self._learned(state, step, np.asarray(theta, float), restore.corrections)
         else:
             better = judged < state.best_loss
             falling = step.accepted and step.after < (1 - STALLED) * step.before
@@ -130,6 +135,20 @@ class LevenbergStage(AbstractStage):
             return state
         loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self._judged)
         return self._concluded(state._replace(best=state.model, best_loss=loss))
+
+    def rated(self, state: TrainingState) -> TrainingState:
+        """The state of another stage with the loss that its best model has here, and integration as fine as it needs.
+
+        Args:
+            state: State of training that ended before this stage began.
+
+        Returns:
+            The state.
+        """
+        state = state._replace(model=cast(state.best, self.data.train.q.dtype), weighing=self._plain(state.best))
+        while (finer := self._refined(state)) != state.substeps:
+            state = state._replace(substeps=finer)
+        return state._replace(best_loss=self._loss(state.model, state.substeps))
 
     def step(
         self,
@@ -164,7 +183,7 @@ class LevenbergStage(AbstractStage):
             self.objective(substeps, weighing),
             batch,
             prior=Prior(
-                priors.precisions(model, self.corrections),
+                priors.precisions(model, restore.corrections),
                 mean,
                 float(priors.variance) or None if self.learns else None,
                 float(weighing.effect),
@@ -172,17 +191,38 @@ class LevenbergStage(AbstractStage):
             pin=pin,
         )
 
+    def _flattened(self, model: AbstractDynamics) -> tuple[Flattening, Float[Array, " P"]]:
+        """What is free of a model."""
+        return Flattening.of(model, corrections=max(self.corrections, freed(model)), dtype=self.data.train.q.dtype)
+
+    def _better(self, state: TrainingState) -> AbstractDynamics:
+        """The best model so far, or the guess if its rollouts are better."""
+        if self.guess is None or self._loss(state.best, state.substeps) <= self._loss(self.guess, state.substeps):
+            return state.best
+        return self.guess
+
+    def _loss(self, model: AbstractDynamics, substeps: int) -> float:
+        """Loss by which models are chosen, all errors counting alike."""
+        model = cast(model, self.data.train.q.dtype)
+        return evaluate_loss(model, self.objective(substeps, self._plain(model)), self._judged)
+
+    def _plain(self, model: AbstractDynamics) -> Weighing:
+        """All errors count alike."""
+        return Weighing.plain(model.space.embedded_size + model.space.size)
+
     def _needless(self, state: TrainingState) -> str:
         """Why the stage has nothing to do, if so."""
         if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
             return "nothing left to explain"
-        if self.corrections < highest_rung(state.best, jnp.zeros(state.best.space.size)):
-            return "friction is free already"
+        if self.frees and freed(state.best) >= self.corrections:
+            return "free already"
         return ""
 
-    def _learned(self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"]) -> TrainingState:
+    def _learned(
+        self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], corrections: int
+    ) -> TrainingState:
         """Learn the priors from a step from θ."""
-        at = state.model, self.corrections
+        at = state.model, corrections
         priors = state.memory.learn(step.equations, theta, *at)
         change = math.inf
         if state.memory.variance > 0:
@@ -244,6 +284,8 @@ class LevenbergStage(AbstractStage):
         """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""
         if self.config.lm_substeps is not None:
             return self.config.lm_substeps
+        if self.regresses:
+            return state.substeps
         coarse = self.objective(state.substeps, state.weighing)
         sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
         error = integration_error(state.model, coarse, self.objective(2 * state.substeps, state.weighing), sample)

@@ -60,7 +60,8 @@ def line_up(
         name_short(dataset, data)
         name_thinned(dataset, data, config)
         if free:
-            stages.append(LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps))
+            guess = dynamics if weak is not None and not candidates else None
+            stages.append(LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess))
         stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
     return stages
 
@@ -126,7 +127,7 @@ def _further(
     learns = config.relevance_steps > 0 and 0 < counts[judged] <= MOST_PARAMETERS
     grow, learn = config.growth_steps, config.relevance_steps
     of = "regression: " if regression else ""
-    stages = [LevenbergStage(data, config, f"{of}friction", grow, rung, margin=_CHANCE) for rung in low]
+    stages = [LevenbergStage(data, config, f"{of}friction", grow, rung, margin=_CHANCE, frees=True) for rung in low]
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
     if learns:
         stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))

@@ -1,5 +1,6 @@
 """Residuals of any number of windows, some at a time."""
 
+import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -112,15 +113,16 @@ def evaluate_loss(dynamics: AbstractDynamics, objective: AbstractObjective, batc
         batch: Windows.
 
     Returns:
-        Mean of the squared residuals; not finite where a rollout diverges.
+        Mean of the squared residuals; infinite where a rollout diverges.
     """
     return mean_square(np.asarray(evaluate_residuals(dynamics, objective, batch), float))
 
 
 def mean_square(residuals: Float[np.ndarray, "..."]) -> float:
-    """Mean of r²; not finite where a rollout diverges."""
+    """Mean of r²; infinite where a rollout diverges, for no comparison with what is no number is true."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.mean(residuals**2))
+        mean = float(np.mean(residuals**2))
+    return math.inf if math.isnan(mean) else mean
 
 
 def integration_error(
