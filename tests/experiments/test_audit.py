@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from symoden.experiments import Ranges, anchor, audit, inspect_model, simulate, task
+from symoden.experiments._inspect import units
 from symoden.integrate import RK4
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
@@ -122,6 +123,21 @@ def test_every_model_can_be_inspected(cartpole, kind, momenta):
     if found.mass_matrix_eigenvalues is not None and (kind, momenta) != ("unstructured", True):
         assert 0 < found.mass_matrix_eigenvalues[0] <= found.mass_matrix_eigenvalues[1]
     assert found.anchor == ("momenta measured" if momenta else "none: only ratios are known")
+
+
+@pytest.mark.parametrize(
+    ("space", "expected"),
+    [
+        ("T2", "M kg m²; V J; D N m s"),
+        ("R2", "M kg; V J; D N s/m"),
+        ("R1 T1", "M kg, kg m, kg m²; V J; D N s/m, N s, N m s"),
+    ],
+)
+def test_blocks_have_units_where_something_fixes_the_scale(space, expected):
+    assert units(small("dissipative", space, input_matrix=np.array([[1.0], [0.0]]))) == expected
+    assert units(small("dissipative", space, momenta=True)) == expected
+    assert units(small("dissipative", space)) == ""
+    assert units(small("naive", space, momenta=True)) == ""
 
 
 @pytest.mark.parametrize("kind", ["dissipative", "unstructured", "symoden"])
