@@ -14,7 +14,6 @@ from symoden.experiments import (
     RunConfig,
     evaluation_solver,
     read_model,
-    read_posterior,
     read_run,
     read_run_source,
     summarize,
@@ -161,23 +160,6 @@ def test_rollouts_are_at_least_as_fine_as_in_training():
     assert evaluation_solver(settings()).substeps == 4
     assert evaluation_solver(settings(training=TrainingConfig(lm_substeps=8))).substeps == 8
     assert evaluation_solver(settings(substeps=16)).substeps == 16
-
-
-def test_bands_take_the_steps_that_training_settled_on(tmp_path, monkeypatch):
-    taken = []
-
-    def inferred(model, dataset, config):
-        taken.append(config.lm_substeps)
-        raise ValueError("seen")
-
-    monkeypatch.setattr("symoden.experiments._runs.infer_posterior", inferred)
-    dataset = Dataset(name="swing", space="T1", train=(swing(),))
-    model = build(SMALL, Space.parse("T1"), 1, key=jax.random.key(0))
-    training = TrainingConfig(lm_substeps=8)
-    for config in (settings(), settings(substeps=2), settings(training=training)):
-        with pytest.raises(ValueError, match="seen"):
-            read_posterior(tmp_path, model, config, dataset)
-    assert taken == [1, 2, 8]
 
 
 def test_other_data_must_be_of_the_same_mechanism():

@@ -57,6 +57,7 @@ from ._portrait import (
     portrait as portrait,
     unseen_rollouts as unseen_rollouts,
 )
+from ._posteriors import read_ensemble as read_ensemble, read_posterior as read_posterior
 from ._presets import PRESETS as PRESETS, preset as preset
 from ._ranges import Ranges as Ranges
 from ._recorded import RecordedPaths as RecordedPaths, recorded_paths as recorded_paths
@@ -73,9 +74,7 @@ from ._runs import (
     RunConfig as RunConfig,
     evaluation_solver as evaluation_solver,
     holds_run as holds_run,
-    read_ensemble as read_ensemble,
     read_model as read_model,
-    read_posterior as read_posterior,
     read_run as read_run,
     read_run_source as read_run_source,
     refuse_occupied as refuse_occupied,

@@ -18,19 +18,13 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, load
 from symoden.storage import StorageError, exclusive, write_atomically
 from symoden.training import (
-    ENSEMBLE,
-    FEWEST_MEMBERS,
     MODEL,
-    AbstractPosterior,
-    Ensemble,
     FitResult,
     Progress,
     TrainingConfig,
     check_members,
     fit,
     ignore,
-    infer_posterior,
-    load_ensemble,
 )
 
 from ._ranges import Ranges
@@ -125,6 +119,11 @@ class RunConfig:
             ValueError: If there are too few, or training has no Levenberg-Marquardt.
         """
         check_members(self.members, self.training)
+
+    @property
+    def settled_substeps(self) -> int:
+        """RK4 steps in a sampling interval that training ended with."""
+        return max(self.training.substeps, self.training.lm_substeps or 1, self.substeps)
 
 
 def summarize(dataset: Dataset) -> DataSummary:
@@ -265,50 +264,6 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
     return source
 
 
-def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> AbstractPosterior:
-    """What the data leave open about a run's model: its ensemble if it is to have one, else Laplace's approximation.
-
-    Args:
-        folder: Folder of the run.
-        model: Its model.
-        config: Its settings.
-        dataset: Its data.
-
-    Returns:
-        The posterior.
-
-    Raises:
-        ValueError: If there is no ensemble and the model has too many parameters for the other way.
-        StorageError: If the ensemble is damaged, or that of another model.
-    """
-    ensemble = read_ensemble(folder, model, config)
-    if ensemble is not None:
-        return ensemble
-    return infer_posterior(model, dataset, dataclasses.replace(config.training, lm_substeps=_settled(config)))
-
-
-def read_ensemble(folder: Path, model: AbstractDynamics, config: RunConfig) -> Ensemble | None:
-    """The models that were trained like a run's.
-
-    Args:
-        folder: Folder of the run.
-        model: Its model.
-        config: Its settings.
-
-    Returns:
-        The ensemble; None where the run is to have none, or has too few members to tell anything.
-
-    Raises:
-        StorageError: If it is damaged, or that of another model.
-    """
-    path = folder / ENSEMBLE
-    if not config.members or not path.is_file():
-        return None
-    ensemble = load_ensemble(path, model)
-    ensemble = dataclasses.replace(ensemble, members=ensemble.members[: config.members])
-    return ensemble if len(ensemble.members) >= FEWEST_MEMBERS else None
-
-
 def evaluation_solver(config: RunConfig) -> RK4:
     """Solver of a run's rollouts: four RK4 steps in a sampling interval, or more where training used more.
 
@@ -318,12 +273,7 @@ def evaluation_solver(config: RunConfig) -> RK4:
     Returns:
         The solver.
     """
-    return RK4(max(_LEAST_SUBSTEPS, _settled(config)))
-
-
-def _settled(config: RunConfig) -> int:
-    """RK4 steps in a sampling interval that training ended with: its errors are below what the model leaves open."""
-    return max(config.training.substeps, config.training.lm_substeps or 1, config.substeps)
+    return RK4(max(_LEAST_SUBSTEPS, config.settled_substeps))
 
 
 def refuse_occupied(folder: Path) -> None:
