@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 from matplotlib.figure import Figure
@@ -193,6 +194,7 @@ def test_a_damaged_result_is_found_before_anything_runs(ran, tmp_path, capsys):
 
 def test_figures_and_page_are_made_of_the_results(ran, tmp_path, capsys, monkeypatch):
     seen = {}
+    names = ["pendulum-dissipative-default-0", "pendulum-dissipative-default-0-s0.05"]
 
     def draw(folder, results):
         seen["drawn"] = (folder, [result.cell.name for result in results])
@@ -204,10 +206,14 @@ def test_figures_and_page_are_made_of_the_results(ran, tmp_path, capsys, monkeyp
     monkeypatch.setattr("symoden.report.draw_results", draw, raising=False)
     monkeypatch.setattr("symoden.report.write_page", write, raising=False)
     monkeypatch.setattr("symoden.experiments.machine_facts", lambda: {"cores": "2"}, raising=False)
+    monkeypatch.setattr("symoden.experiments.holds_run", lambda folder: True, raising=False)
+    commits = {names[0]: None, names[1]: "0123456789abcdef"}
+    monkeypatch.setattr(
+        "symoden.experiments.read_run", lambda folder: SimpleNamespace(commit=commits[folder.name]), raising=False
+    )
     out, page = tmp_path / "out", tmp_path / "results.md"
     words = ["reproduce", "--out", str(out), *ONE, "--noise", "0.0", "0.05", "--page", str(page)]
     assert main(words) == 0
-    names = ["pendulum-dissipative-default-0", "pendulum-dissipative-default-0-s0.05"]
     assert seen["drawn"] == (out, names)
     pages, count, models, figures, facts = seen["page"]
     assert (pages, count, models) == (page, 2, ["dissipative", "dissipative"])
@@ -217,6 +223,7 @@ def test_figures_and_page_are_made_of_the_results(ran, tmp_path, capsys, monkeyp
     )
     assert facts["cores"] == "2"
     assert {"date", "training time"} <= set(facts)
+    assert facts["commits that trained them"] == "0123456789, not known"
     written = {path.name: path.read_bytes()[:4] for path in (out / "figures").iterdir()}
     assert written == {
         "errors.png": b"\x89PNG",

@@ -20,6 +20,7 @@ from ._live import show_cells
 from ._output import number, print_json, print_table
 
 _DPI = 110
+_SHORT = 10
 
 
 def run(command: Reproduce) -> None:
@@ -104,14 +105,17 @@ def _draw(out: Path, results: Sequence[CellResult]) -> dict[str, Path]:
 
 def _write_page(command: Reproduce, page: Path, results: Sequence[CellResult], figures: Mapping[str, Path]) -> None:
     """Write the Markdown page."""
-    from symoden.experiments import machine_facts
+    from symoden.experiments import cell_folder, holds_run, machine_facts, read_run
     from symoden.report import write_page
 
+    folders = [cell_folder(command.out, result.cell) for result in results]
+    commits = {read_run(folder).commit or "not known" for folder in folders if holds_run(folder)}
     minutes = sum(result.seconds or 0.0 for result in results) / 60
     facts = {
         "last command": _words(command),
         "date": datetime.datetime.now(tz=datetime.UTC).date().isoformat(),
         "training time": f"{minutes:.0f} minutes in all",
+        "commits that trained them": ", ".join(sorted(commit[:_SHORT] for commit in commits)),
     }
     write_page(page, results, table_rows(results), figures, facts | machine_facts())
 

@@ -108,7 +108,7 @@ class Relevance(NamedTuple):
         with np.errstate(divide="ignore"):
             high = np.maximum(low, np.minimum(high, sizes / np.bincount(groups, theta**2)))
         precision = np.where(held, before, np.clip(before, *_PRECISIONS))
-        rounding = np.finfo(float).eps * np.trace(squares)  # Lest it makes eigenvalues negative.
+        rounding = _rounding(squares)
         with threadpool_limits(1, user_api="blas"):
             for _ in range(_INNER):
                 best, variances = _posterior(squares + np.diag(precision[groups] + rounding), pull)
@@ -135,7 +135,15 @@ class Relevance(NamedTuple):
             P − tr(Λ Σ).
         """
         squares = equations.matrix * (equations.residuals.size / float(self.variance))
-        return float(np.trace(np.linalg.solve(squares + np.diag(self.precisions(model, corrections)), squares)))
+        precisions = self.precisions(model, corrections)
+        with threadpool_limits(1, user_api="blas"):
+            _, variances = _posterior(squares + np.diag(precisions + _rounding(squares)), np.zeros(len(precisions)))
+        return len(precisions) - float(precisions @ variances)
+
+
+def _rounding(squares: Float[np.ndarray, "P P"]) -> float:
+    """What to add to the diagonal, lest rounding makes eigenvalues negative."""
+    return float(np.finfo(float).eps * np.trace(squares))
 
 
 def _posterior(
