@@ -1,9 +1,12 @@
 """Learned priors: what the data do not ask for is narrowed to nothing, what they do is left alone."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.stats
 
 from symoden.blocks import RUNGS, count_parameters
 from symoden.known import KnownParts
@@ -51,9 +54,33 @@ def test_what_does_not_matter_is_narrowed_away(copies, seed):
         theta = theta - step
     np.testing.assert_allclose(theta[:2], [3.0, -2.0], atol=0.1)
     assert np.all(found.precisions(*model)[:2] < 1)
-    wide = Relevance(jnp.full(12, 1e-6), found.variance)
-    assert 2 <= found.effective(equations, *model) < 6 < wide.effective(equations, *model)
     assert np.sum(found.precisions(*model)[2:] > 1e3) >= 6
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_evidence_is_largest_where_priors_settle(seed):
+    """Against the density of the measurements themselves, every prior in turn wider or narrower."""
+    found, model = linear(6)
+    generator = np.random.default_rng(seed)
+    X, true = generator.standard_normal((40, 2, 6)), np.array([3.0, -2.0, 0.5, 0.3, 0.2, 0.0])
+    y = X @ true + 0.5 * generator.standard_normal((40, 2))
+    flat = X.reshape(-1, 6)
+    equations = NormalEquations(flat.T @ flat / y.size, -flat.T @ y.ravel() / y.size, -y, np.eye(6))
+    for _ in range(60):
+        found = found.learn(equations, np.zeros(6), *model)
+
+    def evidence(precision):
+        covariance = float(found.variance) * np.eye(y.size) + flat / precision @ flat.T
+        return scipy.stats.multivariate_normal.logpdf(y.ravel(), cov=covariance)
+
+    settled = found.precisions(*model)
+    best = evidence(settled)
+    for k, factor in itertools.product(np.flatnonzero(settled < 1e3), (0.5, 2.0)):
+        other = settled.copy()
+        other[k] *= factor
+        assert evidence(other) < best + 1e-3
+    shared = -0.5 * y.size * np.log(2 * np.pi * float(found.variance))
+    assert float(found.evidence) + shared == pytest.approx(best, abs=0.1)
 
 
 @pytest.mark.parametrize("windows", [8, 100])

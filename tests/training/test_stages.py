@@ -239,7 +239,7 @@ def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):
     state = relevance.start(state)
     # Priors far too narrow for anything: without a pin, all would go to nothing together.
     narrow = jax.tree.map(lambda x: jnp.full_like(x, 1e4), state.memory.precision)
-    state = state._replace(memory=Relevance(narrow, jnp.asarray(1.0)))
+    state = state._replace(memory=state.memory._replace(precision=narrow, variance=jnp.asarray(1.0)))
     q, models = stage.data.train.q[:, 0], [state.model]
     for _ in range(3):
         state, _ = relevance.advance(state)

@@ -28,7 +28,7 @@ STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as 
 
 _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
-_SETTLED: Final = 0.003  # Relative change of the number of effective parameters in a step that counts as none.
+_EVIDENT: Final = 1.0  # Gain of the evidence's logarithm that is worth a mention (Kass & Raftery, 1995, Bayes factors).
 
 
 @final
@@ -83,7 +83,7 @@ class LevenbergStage(AbstractStage):
         known = state.memory if isinstance(state.memory, Relevance) else fresh
         priors = fresh if self.widens else known
         if self.learns:  # Beside the residuals of these windows.
-            priors = priors._replace(variance=fresh.variance)
+            priors = priors.forgotten()
         return state._replace(
             step=0,
             model=best,
@@ -222,12 +222,11 @@ class LevenbergStage(AbstractStage):
         self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], corrections: int
     ) -> TrainingState:
         """Learn the priors from a step from θ."""
-        at = state.model, corrections
-        priors = state.memory.learn(step.equations, theta, *at)
-        change = math.inf
-        if state.memory.variance > 0:
-            change = priors.effective(step.equations, *at) / state.memory.effective(step.equations, *at) - 1
-        return state._replace(memory=priors, stale=state.stale + 1 if abs(change) < _SETTLED else 0)
+        record = state.memory.evidence
+        priors = state.memory.learn(step.equations, theta, state.model, corrections)
+        if priors.evidence > record + _EVIDENT:
+            return state._replace(memory=priors, stale=0)
+        return state._replace(memory=priors._replace(evidence=record), stale=state.stale + 1)
 
     def _concluded(self, state: TrainingState) -> TrainingState:
         """State at the end of the stage: with what came of it, or as it was before."""

@@ -1,5 +1,6 @@
 """Automatic relevance determination: every group of parameters has a prior of its own, as wide as the data want it."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
@@ -18,7 +19,8 @@ from ._gauss_newton import NormalEquations
 from ._level import LEAST_WINDOWS, independent_variance
 
 _INNER: Final = 20
-_SETTLED: Final = 1e-3
+_SETTLED: Final = 0.1  # Change of the evidence's logarithm that is none.
+_SILENT: Final = 1e-8  # Share of a group that the data determine, below which it is rounding.
 _LARGEST_CHANGE: Final = 10.0
 _PRECISIONS: Final = (1e-6, 1e8)
 
@@ -30,10 +32,13 @@ class Relevance(NamedTuple):
         precision: λ of every parameter, as a tree like all that can be free in the model.
         variance: Of the residuals, times their design effect: what one independent residual would have. Zero as long as
             it is not known.
+        evidence: Its logarithm by the linearised model, but for what all priors beside this variance share; −∞ before
+            any were learned.
     """
 
     precision: PyTree
     variance: Float[Array, ""]
+    evidence: Float[Array, ""]
 
     @classmethod
     def start(cls, model: PyTree, prior: float) -> "Relevance":
@@ -47,7 +52,12 @@ class Relevance(NamedTuple):
             The priors.
         """
         free = eqx.filter(model, trainable(model))
-        return cls(jax.tree.map(lambda x: jnp.full(x.shape, prior, float), free), jnp.zeros((), float))
+        precision = jax.tree.map(lambda x: jnp.full(x.shape, prior, float), free)
+        return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float))
+
+    def forgotten(self) -> "Relevance":
+        """The same priors before anything is known of the residuals."""
+        return self._replace(variance=jnp.zeros((), float), evidence=jnp.full((), -jnp.inf, float))
 
     def precisions(self, model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
         """The precisions as a vector, in the order of the flat parameters.
@@ -67,10 +77,11 @@ class Relevance(NamedTuple):
     ) -> "Relevance":
         """Widen the priors of what the data ask for and narrow the others, towards the largest evidence.
 
-        With Σ = (JᵀJ / σ² + Λ)⁻¹ and the θ̂ that is best for the Λ at hand, both of the model linearised at θ,
-        expectation maximisation sets λ = n / (‖θ̂‖² + tr Σ) for each group of n parameters (here the geometric mean with
-        the λ before, which is smoother), but at most n / ‖θ‖². From a handful of windows, or where
-        sensitivities overflow, nothing is learned.
+        With Σ = (JᵀJ / σ² + Λ)⁻¹ and the θ̂ that is best for the Λ at hand, both of the model linearised at θ, the
+        evidence has no slope where λ = γ / ‖θ̂‖² for each group of n parameters, of which the data determine
+        γ = n − λ tr Σ. That is iterated; expectation maximisation, λ = n / (‖θ̂‖² + tr Σ), ends at the same, but takes
+        many times the steps (`benchmarks/`). λ is at most n / ‖θ‖². From a handful of windows, or where sensitivities
+        overflow, nothing is learned.
         Residuals of one window are not independent; σ² is their variance times the factor by which the windows' scores
         vary more than independent residuals would make them, the design effect. It stays
         what it is at first: falling with the residuals it would widen the priors before they have been narrowed.
@@ -100,60 +111,47 @@ class Relevance(NamedTuple):
         sizes = np.bincount(groups)
         held = np.concatenate([np.full(shape[:1] or 1, fixed) for shape, fixed in zip(shapes, given, strict=True)])
         variance = float(self.variance) or independent_variance(equations)
-        squares = equations.matrix * (equations.residuals.size / variance)
-        pull = squares @ theta - equations.gradient * (equations.residuals.size / variance)
+        count = equations.residuals.size / variance
+        squares, gradient = equations.matrix * count, equations.gradient * count
+        pull = squares @ theta - gradient
         before = np.bincount(groups, self.precisions(model, corrections)) / sizes
         low, high = (np.clip(before * factor, *_PRECISIONS) for factor in (1 / _LARGEST_CHANGE, _LARGEST_CHANGE))
         # θ̂ is a linear forecast. Priors that outran θ itself would drag it along, whatever the data say.
         with np.errstate(divide="ignore"):
             high = np.maximum(low, np.minimum(high, sizes / np.bincount(groups, theta**2)))
         precision = np.where(held, before, np.clip(before, *_PRECISIONS))
-        rounding = _rounding(squares)
+        rounding = float(np.finfo(float).eps * np.trace(squares))  # Lest it makes eigenvalues negative.
+        last = evidence = -math.inf
         with threadpool_limits(1, user_api="blas"):
             for _ in range(_INNER):
-                best, variances = _posterior(squares + np.diag(precision[groups] + rounding), pull)
-                wanted = sizes / np.bincount(groups, best**2 + variances)
-                last, precision = precision, np.where(held, before, np.clip(np.sqrt(precision * wanted), low, high))
-                if np.allclose(precision, last, rtol=_SETTLED, atol=0.0):
+                best, variances, logdet = _posterior(squares + np.diag(precision[groups] + rounding), pull)
+                evidence = (sizes @ np.log(precision) - logdet + pull @ best) / 2
+                if abs(evidence - last) < _SETTLED:
                     break
+                last = evidence
+                determined = sizes - (precision + rounding) * np.bincount(groups, variances)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    wanted = determined / np.bincount(groups, best**2)
+                heard = determined > _SILENT * sizes
+                precision = np.where(held | ~heard, precision, np.clip(wanted, low, high))
         if not np.isfinite(precision).all():
             return self
         ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
         parts = zip(np.split(precision[groups], ends), shapes, strict=True)
         learned = jax.tree.unflatten(structure, [jnp.asarray(part.reshape(shape), float) for part, shape in parts])
-        return Relevance(eqx.combine(learned, rest), jnp.asarray(variance, float))
-
-    def effective(self, equations: NormalEquations, model: PyTree, corrections: int) -> float:
-        """Number of parameters that the data, rather than the priors, determine.
-
-        Args:
-            equations: Gauss-Newton's equations.
-            model: Model.
-            corrections: Up to which rung its corrections are free.
-
-        Returns:
-            P − tr(Λ Σ).
-        """
-        squares = equations.matrix * (equations.residuals.size / float(self.variance))
-        precisions = self.precisions(model, corrections)
-        with threadpool_limits(1, user_api="blas"):
-            _, variances = _posterior(squares + np.diag(precisions + _rounding(squares)), np.zeros(len(precisions)))
-        return len(precisions) - float(precisions @ variances)
-
-
-def _rounding(squares: Float[np.ndarray, "P P"]) -> float:
-    """What to add to the diagonal, lest rounding makes eigenvalues negative."""
-    return float(np.finfo(float).eps * np.trace(squares))
+        evidence -= (equations.loss * count + (pull - gradient) @ theta) / 2
+        return Relevance(eqx.combine(learned, rest), jnp.asarray(variance, float), jnp.asarray(evidence, float))
 
 
 def _posterior(
     precision: Float[np.ndarray, "P P"], pull: Float[np.ndarray, " P"]
-) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
-    """Mean and variances of a Gaussian: by the inverse of a triangle, at a third of the price of the covariance."""
+) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"], float]:
+    """Mean, variances and log det of the precision: by the inverse of a triangle, a third of the covariance's price."""
     triangle = scipy.linalg.cholesky(precision, lower=True, overwrite_a=True, check_finite=False)
+    logdet = 2 * float(np.sum(np.log(np.diag(triangle))))
     (invert,) = scipy.linalg.get_lapack_funcs(("trtri",), (triangle,))
     inverse, _ = invert(triangle, lower=True, overwrite_c=True)
-    return inverse.T @ (inverse @ pull), np.einsum("ij,ij->j", inverse, inverse)
+    return inverse.T @ (inverse @ pull), np.einsum("ij,ij->j", inverse, inverse), logdet
 
 
 def free_scale(
