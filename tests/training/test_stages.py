@@ -14,7 +14,8 @@ from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _data, _levenberg_stage
 from symoden.training._adam_stage import DIVERGED, AdamStage
-from symoden.training._gauss_newton import Linearization
+from symoden.training._gauss_newton import Linearization, NormalEquations
+from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import adam_optimizer, line_up
 from symoden.training._relevance import Relevance
@@ -231,6 +232,37 @@ def test_priors_that_time_ran_out_for_have_brought_what_they_have_by_then(stage,
     settled = relevance.settled(during)
     assert eqx.tree_equal(settled.best, during.model if kept else started.best)
     assert settled.best_loss == pytest.approx(report.validation if kept else started.best_loss)
+
+
+def test_learning_ends_where_neither_the_evidence_nor_the_fit_gains(stage, monkeypatch):
+    stage, state = stage
+    evidences, losses = [0.0, 2.0, 2.5, 2.9, 3.1, 3.0, 3.0], [1.0] * 5 + [0.97, 0.96]
+    state = stage.start(state)._replace(memory=Relevance.start(state.model, 1.0))
+    monkeypatch.setattr(Relevance, "learn", lambda self, *_: self._replace(evidence=jnp.asarray(evidences.pop(0))))
+    nothing = NormalEquations(*np.zeros((4, 1, 1)))
+    stale, step = [], LevenbergStep(before=1.0, after=1.0, accepted=True, equations=nothing)
+    for loss in losses:
+        state = stage._learned(state, step._replace(after=loss), np.zeros(1), 0)
+        stale.append(state.stale)
+    assert stale == [0, 0, 1, 2, 0, 0, 0]
+    assert float(state.memory.evidence) == 3.1
+    monkeypatch.setattr(Relevance, "learn", lambda self, *_: self)  # As with a handful of windows.
+    for loss, expected in ((0.5, 0), (0.99, 1), (0.99, 2)):
+        state = stage._learned(state, step._replace(after=loss), np.zeros(1), 0)
+        assert state.stale == expected
+
+
+def test_the_evidence_is_counted_anew_where_integration_is_refined(stage, monkeypatch):
+    stage, state = stage
+    relevance = dataclasses.replace(stage, learns=True)
+    monkeypatch.setattr(_levenberg_stage, "_FALLING", 2.0)  # No loss falls so far.
+    state = relevance.start(state)
+    state = state._replace(step=1, stale=3, memory=state.memory._replace(evidence=jnp.asarray(1e9)))
+    assert relevance.advance(state)[0].stale == 4
+    monkeypatch.setattr(LevenbergStage, "_refined", lambda _, state: 2 * state.substeps)
+    after, _ = relevance.advance(state)
+    assert after.stale == (0 if np.isfinite(after.memory.evidence) else 1)
+    assert float(after.memory.evidence) < 1e9
 
 
 def test_learned_priors_do_not_shrink_a_scale_that_the_data_leave_open(stage):

@@ -52,16 +52,17 @@ class NormalEquations(NamedTuple):
         """Mean of r²; infinite where a rollout diverges."""
         return mean_square(self.residuals)
 
-    def pinned(self, direction: np.ndarray) -> "NormalEquations":
+    def pinned(self, direction: np.ndarray, variance: float) -> "NormalEquations":
         """The same with what a relative change along a direction would be known to, as if it had been measured.
 
         Args:
             direction: Gradient of the logarithm of what stays as it is.
+            variance: Of the residuals.
 
         Returns:
             The equations.
         """
-        information = self.loss / (_PINNED**2 * self.residuals.size)
+        information = variance / (_PINNED**2 * self.residuals.size)
         return self._replace(matrix=self.matrix + information * np.outer(direction, direction))
 
 

@@ -67,7 +67,7 @@ def weigh(
     residuals = evaluate_residuals(restore(theta), objective.refined(solver, weighing), batch)
     weighing = weighing.whitened(np.asarray(residuals, float))
     equations = Linearization.at(restore, theta, objective.refined(solver, weighing), batch).normal_equations()
-    if not _is_sound(equations):
+    if not is_sound(equations):
         return weighing
     try:
         effect = independent_variance(equations) / equations.loss
@@ -104,16 +104,24 @@ def expected_level(
     model, free = restore(theta), objective.refined(solver, Weighing.plain(objective.weights.size, 0.0))
     with np.errstate(over="ignore", invalid="ignore"):
         equations = Linearization.at(restore, theta, free, batch).normal_equations()
-    if not _is_sound(equations):
+    if not is_sound(equations):
         return math.inf
     level = math.sqrt(independent_variance(equations))
     sensors = float(np.max(objective.weights * _seen(model.space, objective.noise, batch)))
     return level if level < math.sqrt(batch.ts.shape[1] - 1) * sensors else math.inf
 
 
-def _is_sound(equations: NormalEquations) -> bool:
-    """Not so where a rollout diverges, or nothing that is open changes anything."""
-    finite = np.isfinite(equations.matrix).all() and np.abs(equations.residuals).max() < LARGEST
+def is_sound(equations: NormalEquations) -> bool:
+    """Whether anything can be told from equations: not so where a rollout diverges, or nothing open changes anything.
+
+    Args:
+        equations: Gauss-Newton's equations.
+
+    Returns:
+        Whether all is finite, and neither residuals nor what changes them are all zero.
+    """
+    finite = np.isfinite(equations.matrix).all() and np.isfinite(equations.gradient).all()
+    finite = finite and np.abs(equations.residuals).max() < LARGEST
     return bool(finite and equations.loss and np.trace(equations.matrix) > 0)
 
 

@@ -104,9 +104,9 @@ def levenberg_marquardt_step(
     if not np.isfinite(equations.matrix).all():  # Sensitivities can overflow in single precision.
         about = dataclasses.replace(about, precision=state.theta.dtype)
         equations = about.normal_equations()
-    if pin is not None:
-        equations = equations.pinned(pin)
     variance = prior.effect * equations.loss if prior.variance is None else prior.variance
+    if pin is not None:
+        equations = equations.pinned(pin, variance)
     ridge = np.full(state.theta.size, prior.precision * variance)
     ridge /= equations.residuals.size
     theta = np.asarray(state.theta, float)

@@ -28,6 +28,7 @@ STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as 
 
 _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
+_FALLING: Final = 0.02  # The same while priors are learned, and loss is given for evidence and back.
 _EVIDENT: Final = 1.0  # Gain of the evidence's logarithm that is worth a mention (Kass & Raftery, 1995, Bayes factors).
 
 
@@ -105,6 +106,7 @@ class LevenbergStage(AbstractStage):
         objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
             state = state._replace(best_loss=evaluate_loss(state.best, objective, self._judged))
+            state = state._replace(memory=state.memory.unrecorded(), stale=0) if self.learns else state
         restore, theta = self._flattened(state.model)
         before = LevenbergState(theta, state.damping)
         after, step = self.step(
@@ -221,12 +223,13 @@ class LevenbergStage(AbstractStage):
     def _learned(
         self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], corrections: int
     ) -> TrainingState:
-        """Learn the priors from a step from θ."""
+        """Learn the priors from a step from θ; it has gained something if the evidence or the fit says so."""
         record = state.memory.evidence
         priors = state.memory.learn(step.equations, theta, state.model, corrections)
-        if priors.evidence > record + _EVIDENT:
-            return state._replace(memory=priors, stale=0)
-        return state._replace(memory=priors._replace(evidence=record), stale=state.stale + 1)
+        evident = bool(priors.evidence > record + _EVIDENT)
+        falling = step.accepted and step.after < (1 - _FALLING) * step.before
+        priors = priors if evident else priors._replace(evidence=record)
+        return state._replace(memory=priors, stale=0 if evident or falling else state.stale + 1)
 
     def _concluded(self, state: TrainingState) -> TrainingState:
         """State at the end of the stage: with what came of it, or as it was before."""

@@ -16,7 +16,7 @@ from symoden.blocks import trainable
 from symoden.models import StructuredModel, parts_that_fix_the_scale
 
 from ._gauss_newton import NormalEquations
-from ._level import LEAST_WINDOWS, independent_variance
+from ._level import LEAST_WINDOWS, independent_variance, is_sound
 
 _INNER: Final = 20
 _SETTLED: Final = 0.1  # Change of the evidence's logarithm that is none.
@@ -55,9 +55,13 @@ class Relevance(NamedTuple):
         precision = jax.tree.map(lambda x: jnp.full(x.shape, prior, float), free)
         return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float))
 
+    def unrecorded(self) -> "Relevance":
+        """The same priors where nothing is known of their evidence."""
+        return self._replace(evidence=jnp.full((), -jnp.inf, float))
+
     def forgotten(self) -> "Relevance":
-        """The same priors before anything is known of the residuals."""
-        return self._replace(variance=jnp.zeros((), float), evidence=jnp.full((), -jnp.inf, float))
+        """The same priors where nothing is known of the residuals either."""
+        return self.unrecorded()._replace(variance=jnp.zeros((), float))
 
     def precisions(self, model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
         """The precisions as a vector, in the order of the flat parameters.
@@ -101,8 +105,17 @@ class Relevance(NamedTuple):
             MacKay (1992), *Bayesian interpolation*; Tipping (2001), *Sparse Bayesian learning and the relevance vector
             machine*: groups of one; Kish (1965), *Survey sampling*: the design effect.
         """
-        if len(equations.residuals) < LEAST_WINDOWS or not np.isfinite(equations.matrix).all():
+        if len(equations.residuals) < LEAST_WINDOWS or not is_sound(equations):
             return self
+        try:
+            return self._learned(equations, theta, model, corrections)
+        except np.linalg.LinAlgError:  # Rounding, where a model is nearly exact.
+            return self
+
+    def _learned(
+        self, equations: NormalEquations, theta: Float[np.ndarray, " P"], model: PyTree, corrections: int
+    ) -> "Relevance":
+        """The priors that are learned from equations that are sound."""
         chosen, rest = eqx.partition(self.precision, trainable(model, corrections=corrections))
         paths, structure = jax.tree.flatten_with_path(chosen)
         shapes = [leaf.shape for _, leaf in paths]
@@ -117,7 +130,7 @@ class Relevance(NamedTuple):
         before = np.bincount(groups, self.precisions(model, corrections)) / sizes
         low, high = (np.clip(before * factor, *_PRECISIONS) for factor in (1 / _LARGEST_CHANGE, _LARGEST_CHANGE))
         # θ̂ is a linear forecast. Priors that outran θ itself would drag it along, whatever the data say.
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):
             high = np.maximum(low, np.minimum(high, sizes / np.bincount(groups, theta**2)))
         precision = np.where(held, before, np.clip(before, *_PRECISIONS))
         rounding = float(np.finfo(float).eps * np.trace(squares))  # Lest it makes eigenvalues negative.
@@ -125,12 +138,12 @@ class Relevance(NamedTuple):
         with threadpool_limits(1, user_api="blas"):
             for _ in range(_INNER):
                 best, variances, logdet = _posterior(squares + np.diag(precision[groups] + rounding), pull)
-                evidence = (sizes @ np.log(precision) - logdet + pull @ best) / 2
+                evidence = (sizes[~held] @ np.log(precision[~held]) - logdet + pull @ best) / 2
                 if abs(evidence - last) < _SETTLED:
                     break
                 last = evidence
                 determined = sizes - (precision + rounding) * np.bincount(groups, variances)
-                with np.errstate(divide="ignore", invalid="ignore"):
+                with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
                     wanted = determined / np.bincount(groups, best**2)
                 heard = determined > _SILENT * sizes
                 precision = np.where(held | ~heard, precision, np.clip(wanted, low, high))
