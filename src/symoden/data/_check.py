@@ -13,11 +13,11 @@ from ._errors import DataError
 from ._examine import examine, is_idle, stands_still
 from ._facts import ChannelFacts
 from ._findings import SHOWN_SPANS, Finding
+from ._kinematics import AGREES
 from ._left_out import find_absent, find_masked
 from ._lengths import find_short
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
-from ._mismatch import AGREES
 from ._pace import find_fast_sampling
 from ._read_dataset import assemble
 from ._recordings import recordings_of

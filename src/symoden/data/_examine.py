@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from ._accuracy import find_inaccurate
 from ._description import Description
 from ._facts import ChannelFacts, Facts, measure
 from ._findings import Finding
@@ -59,7 +60,8 @@ def examine(log: Log, description: Description, is_angle: np.ndarray, spikes: Se
         *find_stuck(facts),
         *find_mismatches(facts),
         *_saturation(facts),
-        *_rounding(facts),
+        *(rounded := _rounding(facts)),
+        *(one for one in find_inaccurate(facts) if one.channel not in {each.channel for each in rounded}),
         *_idle(facts),
     )
     return Examination(facts=facts, findings=findings)

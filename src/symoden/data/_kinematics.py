@@ -11,6 +11,7 @@ _BLOCK = 0.1  # [s] over which steps of an encoder average out, and a motion of 
 _LEAST_STEPS, _LEAST_BLOCKS = 4, 8
 _ABOVE = 5.0  # times its uncertainty that a displacement must be, to be compared
 TURN: Final = 2 * np.pi
+AGREES: Final = 0.15  # relative deviation up to which a factor is 1
 UNRELATED: Final = 0.5  # misfit beyond which a velocity is not that of the position
 
 
@@ -48,6 +49,11 @@ class Ratio:
     def known(self) -> bool:
         """Whether there was enough motion to tell."""
         return bool(np.isfinite(self.factor))
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the velocity is that of the position."""
+        return abs(self.factor - 1) < AGREES and self.misfit <= UNRELATED
 
 
 def displacement(ts: Times, v: np.ndarray, *, longest: float) -> np.ndarray:

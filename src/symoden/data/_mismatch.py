@@ -6,11 +6,10 @@ import numpy as np
 
 from ._facts import Facts
 from ._findings import Finding
-from ._kinematics import UNRELATED, Ratio, jumps, velocity_ratio
+from ._kinematics import AGREES, UNRELATED, Ratio, jumps, velocity_ratio
 from ._units import entry
 
-AGREES: Final = 0.15  # relative deviation up to which a factor is 1
-_SAME = 0.06  # and up to which it is another known one
+_SAME = 0.06  # relative deviation up to which a factor is a known one
 _ELSEWHERE = 0.2  # misfit of another coordinate's velocity that is taken for this one's
 _TURNS = 5  # in both directions without a wrap, beyond which an angle is perhaps in degrees
 _REVERSES = 1.5
@@ -54,7 +53,7 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
     """A factor other than 1 between the derivative of a position and its velocity, or none at all."""
     q, v = facts.positions[i].name, facts.rates[i].name
     factor, size = ratio.factor, abs(ratio.factor)
-    if abs(factor - 1) < AGREES and ratio.misfit <= UNRELATED:
+    if ratio.agrees:
         return []
     other = _real_velocity(facts, i)
     if other is not None or ratio.misfit > UNRELATED:
