@@ -1,5 +1,6 @@
 """Velocities that know less than the positions do."""
 
+from collections.abc import Collection
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from ._velocities import estimate_velocities, velocity_noise_gain
 
 _WORSE: Final = 3.0  # Times the estimate's own error by which a velocity must differ from it.
 _LEAST: Final = 1e-3  # The same relative to a typical velocity: what is less does no harm.
-_MOST_SAMPLES: Final = 100_000
+_MOST_SAMPLES: Final = 20_000
 _DEVIATION: Final = 1.4826  # A Gaussian's standard deviation over the median of its absolute value.
 _ORDERS: Final = 2**4 - 1  # Twice as wide a window has 2⁴ times the error, the estimate's being of order 4.
 _EXPLAINS: Final = 0.5  # Share of a difference's square that a delay must explain to be named.
@@ -31,7 +32,7 @@ class _Estimate(NamedTuple):
     error: float
 
 
-def find_inaccurate(facts: Facts) -> list[Finding]:
+def find_inaccurate(facts: Facts, *, named: Collection[str] = ()) -> list[Finding]:
     """Find velocities that differ from the slope of the positions by more than that can be wrong.
 
     A controller's velocities are differences of positions or filtered, hence late, and the lateness is an error that no
@@ -39,6 +40,7 @@ def find_inaccurate(facts: Facts) -> list[Finding]:
 
     Args:
         facts: Facts of a log.
+        named: Velocities of which enough was said already.
 
     Returns:
         The findings.
@@ -47,18 +49,19 @@ def find_inaccurate(facts: Facts) -> list[Finding]:
         return []
     found = []
     for i, (ratio, rate) in enumerate(zip(facts.ratios, facts.rates, strict=True)):
-        if not ratio.agrees or (estimate := _estimated(facts, i)) is None:
+        if rate.name in named or not ratio.agrees or (estimate := _estimated(facts, i)) is None:
             continue
-        late, v = _typical(differs := facts.v[: len(estimate.v), i] - estimate.v), rate.rms
-        if late <= max(_WORSE * estimate.error, _LEAST * v):
+        differs = facts.v[: len(estimate.v), i] - estimate.v
+        size = _typical(differs)
+        if size <= max(_WORSE * estimate.error, _LEAST * rate.rms):
             continue
         delay = _delay(facts.ts[: len(differs)], estimate.v, differs)
         found.append(
             Finding(
                 kind="slope",
-                level="note",
+                level="warning" if delay else "note",
                 channel=rate.name,
-                text=f"`{rate.name}` differs from the slope of `{facts.positions[i].name}` by {late:.2g}"
+                text=f"`{rate.name}` differs from the slope of `{facts.positions[i].name}` by {size:.2g}"
                 + (f", as if it came {1000 * delay:.2g} ms late" if delay else "")
                 + f"; estimated from the positions it would be off by about {estimate.error:.1g}",
                 advice="Leave `velocities` out: they are then estimated, and what is learned is mostly better.",
@@ -84,7 +87,8 @@ def _estimated(facts: Facts, i: int) -> _Estimate | None:
 def _delay(ts: np.ndarray, v: np.ndarray, differs: np.ndarray) -> float:
     """The delay that explains a difference [s]; 0 where none explains most of it."""
     a = np.gradient(v, ts)
-    delay = -float(differs @ a) / float(a @ a)
+    power = float(a @ a)
+    delay = -float(differs @ a) / power if power else 0.0
     left = differs + delay * a
     return delay if delay > 0 and left @ left < (1 - _EXPLAINS) * (differs @ differs) else 0.0
 

@@ -61,7 +61,7 @@ def examine(log: Log, description: Description, is_angle: np.ndarray, spikes: Se
         *find_mismatches(facts),
         *_saturation(facts),
         *(rounded := _rounding(facts)),
-        *(one for one in find_inaccurate(facts) if one.channel not in {each.channel for each in rounded}),
+        *find_inaccurate(facts, named={one.channel for one in rounded}),
         *_idle(facts),
     )
     return Examination(facts=facts, findings=findings)
