@@ -133,7 +133,19 @@ def noise_level(
         return 0.0
     if bursts:
         return float(np.sqrt(np.mean(np.sort(rest**2)[: -(-len(rest) * 995 // 1000)])))
-    return _SIGMA * float(np.median(np.abs(rest)))
+    return float(deviation(rest))
+
+
+def deviation(errors: np.ndarray) -> np.ndarray:
+    """Standard deviation of Gaussian errors about zero along the first axis, whatever a few outliers do.
+
+    Args:
+        errors: Errors (T, …).
+
+    Returns:
+        The deviation (…).
+    """
+    return np.asarray(_SIGMA * np.median(np.abs(errors), axis=0))
 
 
 def standstills(ts: Times, signal: np.ndarray, *, least: int, longest: float) -> list[tuple[int, int]]:
