@@ -1,6 +1,7 @@
 """Velocities that know less than the positions do."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,33 +14,61 @@ from ._signals import deviation
 from ._spans import choose_spans
 from ._velocities import estimate_velocities, velocity_noise_gain
 
-_WORSE: Final = 3.0  # Times the estimate's own error by which a velocity must differ from it.
+WORSE: Final = 3.0  # Times the estimate's own error by which a velocity must differ from it.
 _LEAST: Final = 1e-3  # The same relative to a typical velocity: what is less does no harm.
 _MOST_SAMPLES: Final = 8_192  # From the middle of a log: many begin and end at rest.
 _ORDERS: Final = 2**4 - 1  # Twice as wide a window has 2⁴ times the error, the estimate's being of order 4.
 _EXPLAINS: Final = 0.5  # Share of a difference's square that a delay must explain to be named.
 
 
-def find_inaccurate(facts: Facts, *, named: Collection[str] = ()) -> list[Finding]:
-    """Find velocities that differ from the slope of the positions by more than that can be wrong.
+@dataclass(frozen=True, kw_only=True)
+class SlopeComparison:
+    """How a logged velocity differs from the slope of its position.
+
+    Attributes:
+        joint: Which coordinate.
+        position: Name of the position's column.
+        rate: Name of the velocity's column.
+        differs: Standard deviation of the difference.
+        error: What the slope itself would be off by: noise of the positions, and what smoothing takes away.
+        typical: Root mean square of the velocity.
+        delay: By how much the velocity comes late [s], where that explains most of the difference; else 0.
+    """
+
+    joint: int
+    position: str
+    rate: str
+    differs: float
+    error: float
+    typical: float
+    delay: float
+
+    @property
+    def is_inaccurate(self) -> bool:
+        """Whether the velocity differs by more than can be wrong with the slope, and by enough to matter."""
+        return self.differs > max(WORSE * self.error, _LEAST * self.typical)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether it is inaccurate and a delay explains most of that."""
+        return self.is_inaccurate and self.delay > 0
+
+
+def compare_with_slopes(facts: Facts) -> tuple[SlopeComparison, ...]:
+    """Compare velocities with the slopes of their positions.
 
     A controller's velocities are differences of positions or filtered, hence late, and the lateness is an error that no
     average takes out: a millisecond at 60 rad/s² is 0.06 rad/s in every sample of a swing.
 
     Args:
         facts: Facts of a log.
-        named: Velocities of which enough was said already.
 
     Returns:
-        The findings.
+        One comparison for each velocity that belongs to its position; none where there are too few samples.
     """
-    joints = [
-        i
-        for i, (ratio, rate) in enumerate(zip(facts.ratios, facts.rates, strict=False))
-        if ratio.agrees and rate.name not in named
-    ]
+    joints = [i for i, ratio in enumerate(facts.ratios) if ratio.agrees]
     if facts.v is None or not joints:
-        return []
+        return ()
     start = max(0, (len(facts.ts) - _MOST_SAMPLES) // 2)
     rows = slice(start, start + _MOST_SAMPLES)
     ts, q = facts.ts[rows], facts.q[rows]
@@ -48,26 +77,48 @@ def find_inaccurate(facts: Facts, *, named: Collection[str] = ()) -> list[Findin
     try:
         v, errors = _estimated(ts, q, noise)
     except DataError:  # Too few samples, or too uneven ones.
-        return []
+        return ()
     differs = facts.v[rows][:, joints] - v
-    found = []
-    for k, (i, size) in enumerate(zip(joints, deviation(differs), strict=True)):
-        position, rate = facts.positions[i], facts.rates[i]
-        if size <= max(_WORSE * errors[k], _LEAST * rate.rms):
-            continue
-        delay = _delay(ts, v[:, k], differs[:, k])
-        found.append(
-            Finding(
-                kind="slope",
-                level="warning" if delay else "note",
-                channel=rate.name,
-                text=f"`{rate.name}` differs from the slope of `{position.name}` by {size:.2g}"
-                + (f", as if it came {1000 * delay:.2g} ms late" if delay else "")
-                + f"; estimated from the positions it would be off by about {errors[k]:.1g}",
-                advice="Leave `velocities` out: they are then estimated, and what is learned is mostly better.",
-            )
+    return tuple(
+        SlopeComparison(
+            joint=i,
+            position=facts.positions[i].name,
+            rate=facts.rates[i].name,
+            differs=float(size),
+            error=float(errors[k]),
+            typical=facts.rates[i].rms,
+            delay=_delay(ts, v[:, k], differs[:, k]),
         )
-    return found
+        for k, (i, size) in enumerate(zip(joints, deviation(differs), strict=True))
+    )
+
+
+def find_inaccurate(
+    comparisons: Sequence[SlopeComparison], *, named: Collection[str] = (), trusted: bool = False
+) -> list[Finding]:
+    """Find velocities that differ from the slope of the positions by more than that can be wrong.
+
+    Args:
+        comparisons: Velocities beside the slopes of their positions.
+        named: Velocities of which enough was said already.
+        trusted: Whether the description says that they are to be taken as they are.
+
+    Returns:
+        The findings: warnings of those that come late, which no average mends, notes of the others.
+    """
+    return [
+        Finding(
+            kind="slope",
+            level="warning" if one.is_late and not trusted else "note",
+            channel=one.rate,
+            text=f"`{one.rate}` differs from the slope of `{one.position}` by {one.differs:.2g}"
+            + (f", as if it came {1000 * one.delay:.2g} ms late" if one.is_late else "")
+            + f"; estimated from the positions it would be off by about {one.error:.1g}",
+            advice="Leave `velocities` out: they are then estimated, and what is learned is mostly better.",
+        )
+        for one in comparisons
+        if one.is_inaccurate and one.rate not in named
+    ]
 
 
 def _estimated(ts: Times, q: Positions, noise: np.ndarray) -> tuple[Rates, np.ndarray]:

@@ -10,17 +10,18 @@ import numpy as np
 from ._clocks import find_other_clocks
 from ._description import Description, read_description
 from ._errors import DataError
-from ._examine import examine, is_idle, stands_still
+from ._examine import Examination, examine, is_idle, stands_still
 from ._facts import ChannelFacts
 from ._findings import SHOWN_SPANS, Finding
 from ._kinematics import AGREES
+from ._late import replace_late
 from ._left_out import find_absent, find_masked
 from ._lengths import find_short
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
 from ._pace import find_fast_sampling
 from ._read_dataset import assemble
-from ._recordings import recordings_of
+from ._recordings import recordings_of, rows_to_use
 from ._trajectory import Trajectory
 from ._zeros import find_counted_zeros
 
@@ -96,10 +97,16 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     description = read_description(path, space=space)
     is_angle = angles(path, description)
     logs = read_logs(path, description)
-    made = [_made(log, description, is_angle) for log in logs]
+    masks = [_mask(log, description, is_angle) for log in logs]
+    examinations = [
+        examine(log, description, is_angle, chosen.spikes if isinstance(chosen, Mask) else ())
+        for log, chosen in zip(logs, masks, strict=True)
+    ]
+    used, replaced = replace_late(logs, examinations, description)
+    made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     checks = tuple(
-        _check(log, description, is_angle, recordings, outcome)
-        for log, (recordings, outcome) in zip(logs, made, strict=True)
+        _check(log, recordings, outcome, _left(examination, replaced))
+        for log, (recordings, outcome), examination in zip(logs, made, examinations, strict=True)
     )
     checks = tuple(_advised(check, checks) for check in checks)
     checks = tuple(
@@ -107,6 +114,7 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         for check, clocks in zip(checks, find_other_clocks(logs, description), strict=True)
     )
     together = [
+        *([replaced] if replaced else []),
         *_idle_everywhere(checks),
         *find_counted_zeros(logs, [check.channels for check in checks]),
     ]
@@ -115,12 +123,30 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     return DatasetCheck(description=description, recordings=checks, findings=tuple(together))
 
 
-def _made(log: Log, description: Description, is_angle: np.ndarray) -> tuple[tuple[Trajectory, ...], Mask | DataError]:
-    """The recordings of a log with what was left out, or why it has none."""
+def _mask(log: Log, description: Description, is_angle: np.ndarray) -> Mask | DataError:
+    """Which rows of a log are used, or why none are."""
     try:
-        return recordings_of(log, description, is_angle)
+        return rows_to_use(log, description, is_angle)
+    except DataError as error:
+        return error
+
+
+def _made(
+    log: Log, chosen: Mask | DataError, description: Description, is_angle: np.ndarray
+) -> tuple[tuple[Trajectory, ...], Mask | DataError]:
+    """The recordings of a log with what was left out, or why it has none."""
+    if isinstance(chosen, DataError):
+        return (), chosen
+    try:
+        return recordings_of(log, chosen, description, is_angle), chosen
     except DataError as error:
         return (), error
+
+
+def _left(examination: Examination, replaced: Finding | None) -> Examination:
+    """What is left to say of a log where velocities are estimated in any case."""
+    kept = tuple(one for one in examination.findings if replaced is None or one.kind != replaced.kind)
+    return dataclasses.replace(examination, findings=kept)
 
 
 def _assembled(
@@ -140,16 +166,11 @@ def _refusal(error: DataError) -> Finding:
 
 
 def _check(
-    log: Log,
-    description: Description,
-    is_angle: np.ndarray,
-    recordings: tuple[Trajectory, ...],
-    outcome: Mask | DataError,
+    log: Log, recordings: tuple[Trajectory, ...], outcome: Mask | DataError, examination: Examination
 ) -> RecordingCheck:
     """Everything on one log."""
     known = log.ts[np.isfinite(log.ts)]
     steps = np.diff(known) if len(known) > 1 else np.zeros(1)
-    examination = examine(log, description, is_angle, outcome.spikes if isinstance(outcome, Mask) else ())
     late = _out_of_order(log)
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:

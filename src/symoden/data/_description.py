@@ -42,6 +42,7 @@ class Description:
         time: Column of time stamps [s], unless `units` says otherwise.
         dt: Step of files without time stamps [s].
         velocities: Columns of velocities.
+        trust_velocities: Take velocities as they were logged, even where they come late and positions tell them better.
         momenta: Columns of momenta; neither these nor velocities: velocities are estimated from the positions.
         inputs: Columns of inputs; none: free motion.
         units: Factors that bring columns to SI and rad as they are read, by the name of a column, or of a variable for
@@ -65,6 +66,7 @@ class Description:
     time: str | None = None
     dt: float | None = None
     velocities: Selector | None = None
+    trust_velocities: bool = False
     momenta: Selector | None = None
     inputs: Selector = ()
     units: Mapping[str, float] = field(default_factory=dict)
@@ -168,6 +170,8 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         )
     if description.velocities is not None and description.momenta is not None:
         raise DataError(f"`{path}`: only one of `velocities` and `momenta` may be given; got both.")
+    if description.trust_velocities and description.velocities is None:
+        raise DataError(f"`{path}`: `trust_velocities` is about `velocities`, which are not given. Leave it out.")
     if description.train is None and description.test is None:
         raise DataError(f"`{path}`: [train] or [test] must name `files`; got neither.")
     if isinstance(description.positions, tuple):
@@ -234,6 +238,11 @@ def _inputs(value: object) -> Selector:
 def _is_number(value: object) -> bool:
     """Whether a value is a finite number; true and false are none."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _flag(value: object) -> bool:
+    """True or false."""
+    return value if isinstance(value, bool) else _fail("true or false")
 
 
 def _positive(value: object) -> float:
@@ -313,6 +322,7 @@ _KEYS: Final[dict[str, Check]] = {
     "dt": _positive,
     "positions": _selector,
     "velocities": _selector,
+    "trust_velocities": _flag,
     "momenta": _selector,
     "inputs": _inputs,
     "units": _units,

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from ._accuracy import find_inaccurate
+from ._accuracy import SlopeComparison, compare_with_slopes, find_inaccurate
 from ._description import Description
 from ._facts import ChannelFacts, Facts, measure
 from ._findings import Finding
@@ -33,10 +33,12 @@ class Examination:
     Attributes:
         facts: The facts; None where too few rows are complete.
         findings: The findings.
+        slopes: Velocities beside the slopes of their positions.
     """
 
     facts: Facts | None
     findings: tuple[Finding, ...] = ()
+    slopes: tuple[SlopeComparison, ...] = ()
 
 
 def examine(log: Log, description: Description, is_angle: np.ndarray, spikes: Sequence[Spikes] = ()) -> Examination:
@@ -56,15 +58,16 @@ def examine(log: Log, description: Description, is_angle: np.ndarray, spikes: Se
         return Examination(facts=None)
     if stands_still(facts.channels):
         return Examination(facts=facts, findings=(_STILL,))
+    slopes = compare_with_slopes(facts)
     findings = (
         *find_stuck(facts),
         *find_mismatches(facts),
         *_saturation(facts),
         *(rounded := _rounding(facts)),
-        *find_inaccurate(facts, named={one.channel for one in rounded}),
+        *find_inaccurate(slopes, named={one.channel for one in rounded}, trusted=description.trust_velocities),
         *_idle(facts),
     )
-    return Examination(facts=facts, findings=findings)
+    return Examination(facts=facts, findings=findings, slopes=slopes)
 
 
 def _saturation(facts: Facts) -> list[Finding]:

@@ -10,11 +10,12 @@ from ._clocks import find_other_clocks
 from ._dataset import Dataset
 from ._description import Description, read_description
 from ._errors import DataWarning
-from ._examine import examine
+from ._examine import Examination, examine
+from ._findings import Finding
+from ._late import replace_late
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
-from ._recordings import recordings_of
-from ._spikes import Spikes
+from ._recordings import recordings_of, rows_to_use
 from ._trajectory import Trajectory
 
 _SHOWN = 3  # recordings that a warning names
@@ -31,13 +32,15 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
             a number.
 
     Returns:
-        Its recordings: angles without jumps of 2π, inputs delayed, resampled and split as described.
+        Its recordings: angles without jumps of 2π, late velocities estimated anew, inputs delayed, resampled and split
+        as described.
 
     Raises:
         DataError: If the description or a file is not what it must be, or one part has rows of another one.
 
     Warns:
-        DataWarning: If something was left out, or looks wrong: a stuck sensor, a wrong unit or sign.
+        DataWarning: If something was left out, or looks wrong: a stuck sensor, a wrong unit or sign; if velocities
+            come late and are estimated from the positions instead.
 
     Example:
         >>> arm = read_dataset("arm.toml")  # doctest: +SKIP
@@ -48,10 +51,13 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     description = read_description(path, space=space)
     is_angle = angles(path, description)
     logs = read_logs(path, description)
-    read = [recordings_of(log, description, is_angle) for log in logs]
-    dataset = assemble(path, description, logs, [recordings for recordings, _ in read])
-    _warn_of_masks(path, logs, [mask for _, mask in read])
-    _warn_of_suspicions(path, logs, description, is_angle, [mask.spikes for _, mask in read])
+    masks = [rows_to_use(log, description, is_angle) for log in logs]
+    examinations = [examine(log, description, is_angle, chosen.spikes) for log, chosen in zip(logs, masks, strict=True)]
+    used, replaced = replace_late(logs, examinations, description)
+    recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
+    dataset = assemble(path, description, used, recordings)
+    _warn_of_masks(path, logs, masks)
+    _warn_of_suspicions(path, logs, description, examinations, replaced)
     return dataset
 
 
@@ -101,18 +107,20 @@ def _warn_of_suspicions(
     path: Path,
     logs: Sequence[Log],
     description: Description,
-    is_angle: np.ndarray,
-    spikes: Sequence[Sequence[Spikes]],
+    examinations: Sequence[Examination],
+    replaced: Finding | None,
 ) -> None:
-    """Say in one line what looks wrong."""
+    """Say in one line what looks wrong, and in another what became of velocities that come late."""
     found = [
         f"`{log.name}`: {finding.text.removesuffix('?')}"
-        for log, clocks, alone in zip(logs, find_other_clocks(logs, description), spikes, strict=True)
-        for finding in (*clocks, *examine(log, description, is_angle, alone).findings)
-        if finding.level == "warning"
+        for log, clocks, examination in zip(logs, find_other_clocks(logs, description), examinations, strict=True)
+        for finding in (*clocks, *examination.findings)
+        if finding.level == "warning" and not (replaced and finding.kind == replaced.kind)
     ]
     if found:
         _warn(path, "perhaps wrong in", found)
+    if replaced:
+        warnings.warn(f"`{path}`: {replaced.text}. {replaced.advice}", DataWarning, stacklevel=3)
 
 
 def _warn(path: Path, what: str, every: list[str]) -> None:

@@ -18,8 +18,8 @@ from ._trajectory import Trajectory, refuse_times_out_of_order
 from ._velocities import estimate_velocities, velocity_noise_gain
 
 
-def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> tuple[tuple[Trajectory, ...], Mask]:
-    """Make the recordings of a log.
+def rows_to_use(log: Log, description: Description, is_angle: np.ndarray) -> Mask:
+    """Choose the rows of a log that recordings are made of.
 
     Args:
         log: What was logged.
@@ -27,7 +27,7 @@ def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> t
         is_angle: Whether each coordinate is an angle.
 
     Returns:
-        The recordings, named after the log, with `#1`, `#2`, … where there are several; and what was left out.
+        The choice, and what was left out.
 
     Raises:
         DataError: If the time stamps do not increase, or too little is left.
@@ -39,6 +39,24 @@ def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> t
             f"`{log.path}`: a recording must have at least 2 rows without a missing number; got "
             f"{len(chosen.pieces[0])} of {len(log)}. {_emptiest(log)}"
         )
+    return chosen
+
+
+def recordings_of(log: Log, chosen: Mask, description: Description, is_angle: np.ndarray) -> tuple[Trajectory, ...]:
+    """Make the recordings of a log.
+
+    Args:
+        log: What was logged; without rates, velocities are estimated.
+        chosen: Its rows that are used.
+        description: What it means and what to do with it.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        The recordings, named after the log, with `#1`, `#2`, … where there are several.
+
+    Raises:
+        DataError: If too little is left.
+    """
     split_every = description.parts[log.part].split_every
     spans = _spans(log, chosen.pieces, is_angle)
     found: list[Trajectory] = []
@@ -47,7 +65,7 @@ def recordings_of(log: Log, description: Description, is_angle: np.ndarray) -> t
         found.extend((trajectory,) if split_every is None else segments(trajectory, split_every))
     if len(found) > 1:
         found = [dataclasses.replace(each, name=f"{log.name}#{k}") for k, each in enumerate(found, start=1)]
-    return tuple(found), chosen
+    return tuple(found)
 
 
 def _trajectory(

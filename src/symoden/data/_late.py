@@ -1,0 +1,84 @@
+"""Logged velocities that come late, and whose place the slopes of the positions take."""
+
+import dataclasses
+from collections.abc import Collection, Iterable, Sequence
+from typing import Final
+
+import numpy as np
+
+from ._accuracy import WORSE, SlopeComparison
+from ._description import Description
+from ._examine import Examination, is_idle
+from ._findings import Finding
+from ._logs import Log
+
+_HARMLESS: Final = 0.01  # Error of a slope relative to a typical velocity that no other velocity could mend by much.
+_DOUBTED: Final = frozenset({"unit", "sign", "velocity"})  # Findings that say that nothing is known of a velocity yet.
+
+
+def replace_late(
+    logs: Sequence[Log], examinations: Sequence[Examination], description: Description
+) -> tuple[tuple[Log, ...], Finding | None]:
+    """Take velocities away that come late, so that they are estimated from the positions.
+
+    The training recordings decide for all. A velocity is late if it is in most of them. All of them go, for what is
+    estimated of the others must be better too, or hardly worse.
+
+    Args:
+        logs: What was logged.
+        examinations: What was found in each.
+        description: What it means.
+
+    Returns:
+        The logs, without rates where these were taken away, and a finding that says so, if so.
+    """
+    if description.trust_velocities:
+        return tuple(logs), None
+    parts = {log.part for log in logs}
+    decides = "train" if "train" in parts else "test"
+    asked = [found for log, found in zip(logs, examinations, strict=True) if log.part == decides]
+    joints = _by_joint([found.slopes for found in asked])
+    late = {joint: every for joint, every in joints.items() if 2 * sum(one.is_late for one in every) > len(every)}
+    if not late or _is_doubted(asked, joints) or not all(map(_is_better_estimated, joints.values())):
+        return tuple(logs), None
+    return tuple(dataclasses.replace(log, rates=None) for log in logs), _finding(late.values())
+
+
+def _by_joint(slopes: Sequence[Sequence[SlopeComparison]]) -> dict[int, list[SlopeComparison]]:
+    """The comparisons of each coordinate."""
+    joints = {one.joint for each in slopes for one in each}
+    return {joint: [one for each in slopes for one in each if one.joint == joint] for joint in sorted(joints)}
+
+
+def _is_doubted(examinations: Sequence[Examination], compared: Collection[int]) -> bool:
+    """Whether a velocity may have a wrong unit, or its position is too noisy to compare it with."""
+    facts = [found.facts for found in examinations if found.facts is not None]
+    moving = {i for each in facts for i, position in enumerate(each.positions) if not is_idle(position)}
+    wrong = any(finding.kind in _DOUBTED for found in examinations for finding in found.findings)
+    return wrong or not moving <= set(compared)
+
+
+def _is_better_estimated(every: Sequence[SlopeComparison]) -> bool:
+    """Whether the slope of a position tells a velocity better than the log does, or as well as anyone needs."""
+    error, differs, typical = (
+        float(np.sqrt(np.mean(np.square([getattr(one, name) for one in every]))))
+        for name in ("error", "differs", "typical")
+    )
+    return error <= max(differs / WORSE, _HARMLESS * typical)
+
+
+def _finding(late: Iterable[Sequence[SlopeComparison]]) -> Finding:
+    """What was done, and why."""
+    said = [
+        f"`{every[0].rate}` comes {1000 * float(np.median([one.delay for one in every if one.is_late])):.2g} ms late"
+        f" and is off by {max(one.differs for one in every):.2g}, the slope of `{every[0].position}` by about "
+        f"{max(one.error for one in every):.1g}"
+        for every in late
+    ]
+    return Finding(
+        kind="slope",
+        level="note",
+        channel="",
+        text=f"velocities are estimated from the positions, not taken from the log: {'; '.join(said)}",
+        advice="Nothing need be done. `trust_velocities = true` takes them as they were logged.",
+    )
