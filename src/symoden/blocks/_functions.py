@@ -25,6 +25,7 @@ ACTIVATIONS: dict[str, Callable[[Array], Array]] = {
     "softplus": jax.nn.softplus,
     "sin": jnp.sin,
 }
+"""Activation functions of networks by name."""
 
 
 class AbstractFunction(eqx.Module):

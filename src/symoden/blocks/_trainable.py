@@ -10,7 +10,8 @@ from symoden.shapes import Coordinates
 from ._functions import AbstractFunction, Correction, Network, Sum
 from ._known import Known
 
-RUNGS = 2  # Of the ladder that corrections are set free on.
+RUNGS = 2
+"""Rungs of the ladder that corrections are set free on."""
 
 
 def trainable(model: PyTree, *, corrections: int = RUNGS) -> PyTree:

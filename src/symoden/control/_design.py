@@ -28,8 +28,11 @@ from ._shaping import EnergyShaping
 from ._tracking import Reference, Tracking
 
 Method: TypeAlias = Literal["energy-shaping", "ida-pbc", "controlled-lagrangian", "swing-up", "tracking", "lqr"]
+"""Name of a way to make a controller."""
 METHODS: Final[tuple[Method, ...]] = get_args(Method)
+"""Names of all methods."""
 Tell: TypeAlias = Callable[[str], None]
+"""Called with a line of text about what is being done."""
 
 _STARTS: Final = 16
 _PERIOD: Final = 0.01

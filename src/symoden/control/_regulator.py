@@ -135,7 +135,7 @@ def linearize(
         target: Configuration; with `u*` it is an equilibrium as nearly as the inputs allow.
 
     Returns:
-        A, B and u*: d(e, v)/dt = A (e, v) + B (u − u*).
+        A, B and `u*`: d(e, v)/dt = A (e, v) + B (u − `u*`).
     """
     A, B, hold = _linearize(dynamics, target)
     return np.asarray(A, float), np.asarray(B, float), np.asarray(hold, float)

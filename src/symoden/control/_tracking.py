@@ -17,6 +17,7 @@ from ._motion import friction_matrix, gradient, terms
 from ._scales import bandwidth
 
 Reference: TypeAlias = Callable[[Scalar], Coordinates]
+"""Motion to follow: coordinates as a function of time [s], written in JAX."""
 
 
 @final

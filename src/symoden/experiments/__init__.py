@@ -101,6 +101,7 @@ from ._trained import (
 from ._variants import simulate_variant as simulate_variant
 
 __all__ = [
+    "LEARNED",
     "PAPER",
     "PAPER_ORDER",
     "PRESETS",
@@ -165,6 +166,7 @@ __all__ = [
     "initial_states",
     "inspect_model",
     "is_own",
+    "learned_machine",
     "machine_facts",
     "machine_of",
     "outside_data",

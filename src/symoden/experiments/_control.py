@@ -42,6 +42,7 @@ from symoden.systems import MACHINES, Machine, Pendulum
 from ._ranges import Ranges
 
 LEARNED: Final = "model"
+"""What stands for the name of a machine where a controller is tried on learned models."""
 _FINE_STEP: Final = 0.001  # [s]: learned dry friction is stiff.
 _CALLS: Final = 2000
 _LEAST_NOISE: Final = 1e-3

@@ -76,3 +76,4 @@ _TABLE: Final[dict[str, dict[str, PaperErrors]]] = {
 PAPER: Final[Mapping[str, Mapping[str, PaperErrors]]] = MappingProxyType(
     {task: MappingProxyType(models) for task, models in _TABLE.items()}
 )
+"""The paper's errors, by task and kind of model."""

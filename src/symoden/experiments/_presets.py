@@ -6,6 +6,7 @@ from symoden.models import BlockConfig, Kind, ModelConfig
 from symoden.training import TrainingConfig
 
 PRESETS = ("default", "paper")
+"""Names of the presets: our settings and the paper's."""
 
 
 class _PaperSizes(NamedTuple):

@@ -12,6 +12,7 @@ from ._paper import MeanStd, PaperErrors
 from ._tasks import TASKS
 
 PAPER_ORDER: Final[tuple[Kind, ...]] = ("naive", "geometric", "unstructured", "symoden", "dissipative")
+"""Kinds of models in the order of the paper's Table 1."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -130,6 +130,7 @@ TASKS: Final[Mapping[str, Task]] = MappingProxyType(
         ),
     }
 )
+"""The paper's tasks 1 to 4, then those with an input on each joint, by name."""
 
 
 def task(name: str) -> Task:

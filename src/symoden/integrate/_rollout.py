@@ -17,6 +17,7 @@ from ._solvers import RK4, AbstractSolver
 SampledInputs: TypeAlias = Float[Array, "T m"]
 Ends: TypeAlias = tuple[Float[Array, "T-1 m"], Float[Array, "T-1 m"]]
 Hold: TypeAlias = Callable[[SampledInputs], Ends]
+"""From inputs at the samples to those at the start and at the end of every sampling interval."""
 
 
 def zero_hold(us: SampledInputs) -> Ends:
@@ -44,6 +45,7 @@ def linear_hold(us: SampledInputs) -> Ends:
 
 
 HOLDS: dict[str, Hold] = {"zero": zero_hold, "linear": linear_hold}
+"""What inputs do between samples, by the name that data sets give it."""
 
 
 class Rollout(NamedTuple):

@@ -15,6 +15,7 @@ FUNCTIONS: Final = (
     *("sin", "cos", "tan", "asin", "acos", "atan"),
     *("sinh", "cosh", "tanh", "exp", "log", "sqrt", "abs"),
 )
+"""Functions that formulas may use."""
 
 _LONGEST: Final = 4000
 _DEEPEST: Final = 100

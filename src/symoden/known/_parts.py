@@ -12,6 +12,7 @@ from ._expressions import FUNCTIONS, Expression
 from ._robot import Robot
 
 PARTS: Final = ("mass_matrix", "potential_energy", "input_matrix", "dissipation_matrix")
+"""Parts of a mechanism that may be given as formulas."""
 
 Entry: TypeAlias = str | float | int
 Scalar: TypeAlias = Entry | Callable[..., Any]

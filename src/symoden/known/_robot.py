@@ -13,6 +13,7 @@ Vector: TypeAlias = tuple[float | int, ...]
 Matrix: TypeAlias = tuple[Vector, ...]
 
 GRAVITY: Final = (0.0, 0.0, -9.81)
+"""Acceleration of free fall where z points upwards [m/s²]."""
 
 _MOVING: Final = ("revolute", "continuous", "prismatic")
 _LARGEST: Final = 10**7  # Bytes of a file.

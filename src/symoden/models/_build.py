@@ -44,7 +44,9 @@ from ._structured import StructuredModel
 from ._unstructured import UnstructuredModel
 
 Kind = Literal["dissipative", "unstructured", "symoden", "naive", "geometric"]
+"""Name of one of the paper's five models."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
+"""Names of the five models."""
 
 _BODIES = 3  # Rows of the Jacobian for each coordinate; with two, one start in four ended in a poor minimum.
 _SPREAD = 0.3  # Of the harmonics' first weights; with 0.1, one start in four did.

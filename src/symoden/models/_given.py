@@ -32,6 +32,7 @@ from ._structured import StructuredModel
 from ._unstructured import UnstructuredModel
 
 Given: TypeAlias = Literal["given", "given up to parameters", "given up to a correction"]
+"""How far a part of a model is given."""
 
 _STATES: Final = 16
 _SMALL: Final = 1e-3  # Relative; single precision, and states drawn at random.

@@ -74,3 +74,4 @@ MACHINES: Final[Mapping[str, Machine[AbstractPlanarMechanism]]] = MappingProxyTy
         )
     }
 )
+"""The machines by the names of their environments."""

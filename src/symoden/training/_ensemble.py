@@ -31,6 +31,7 @@ from ._stages import EXACT, EXPLAINED, AbstractStage
 from ._state import TrainingState
 
 FEWEST_MEMBERS: Final = 2
+"""Fewest members whose scatter makes bands."""
 _TRIES: Final = 2  # Of initial weights, for every member that is wanted.
 _ASTRAY: Final = 1.5  # Times the trained model's loss on the same windows: a member above has found another basin.
 _SAME: Final = 1e-4  # Relative difference of models that differ by rounding in a file.

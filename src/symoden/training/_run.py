@@ -15,7 +15,9 @@ from ._stages import AbstractStage
 from ._state import TrainingState
 
 MODEL: Final = "model.safetensors"
+"""File of the model in the folder of a run."""
 ENSEMBLE: Final = "ensemble.safetensors"
+"""File of the members in the folder of a run."""
 
 
 class Progress(NamedTuple):
