@@ -2,12 +2,12 @@
 VENV := .venv
 BIN := $(VENV)/bin
 PYTHON ?= $(shell python3.11 -c 'print("python3.11")' 2>/dev/null || echo python3)
-CODE := $(wildcard conftest.py src tests examples benchmarks)
+CODE := $(wildcard conftest.py src tests examples benchmarks docs)
 # Two processes, whole files: tests of one file share their compiled functions. A process that crashes ends the run.
 PYTEST_ARGS ?= -n 2 --dist loadfile --max-worker-restart 0
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test lint format fast-test slow-test coverage lock clean
+.PHONY: help setup demo test lint docs format fast-test slow-test coverage lock clean
 
 help: ## List the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 12
@@ -26,7 +26,7 @@ $(VENV)/.complete: requirements.lock pyproject.toml
 demo: setup ## Train task 2 (the pendulum), compare its errors with the paper's, draw the result
 	$(BIN)/python examples/demo.py
 
-test: lint ## Everything that must hold before a commit: lint, then the tests
+test: lint docs ## Everything that must hold before a commit: lint, documentation, then the tests
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
 lint: setup ## Style, format, types, import layers, spelling
@@ -35,6 +35,11 @@ lint: setup ## Style, format, types, import layers, spelling
 	$(BIN)/pyright --pythonpath $(BIN)/python $(CODE)
 	$(BIN)/lint-imports --no-logo
 	$(BIN)/codespell
+
+# The theme says at every build that Zensical will succeed it: the variable answers that we know. (--quiet would hide the
+# warnings from --strict, too.)
+docs: setup ## Build the documentation into site/
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 format: setup ## Format the code and mend what can be mended automatically
 	$(BIN)/ruff format .
@@ -53,11 +58,11 @@ coverage: setup ## Branch coverage of the fast tests, 95 % at least
 lock: ## Pin anew what setup installs (in a throw-away environment)
 	@scratch=$$(mktemp -d) && trap 'rm -rf "$$scratch"' EXIT \
 	  && $(PYTHON) -m venv "$$scratch" \
-	  && "$$scratch/bin/python" -m pip install --quiet '.[gym,plot,report,data,dev]' \
+	  && "$$scratch/bin/python" -m pip install --quiet '.[gym,plot,report,data,docs,dev]' \
 	  && "$$scratch/bin/python" -m pip freeze --exclude symoden > "$$scratch/pins" \
 	  && { grep '^#' requirements.lock; cat "$$scratch/pins"; } > "$$scratch/lock" \
 	  && cp "$$scratch/lock" requirements.lock
 
 clean: ## Remove the environment, caches and build outputs (never runs/)
-	rm -rf $(VENV) build dist .pytest_cache .ruff_cache .hypothesis .import_linter_cache .coverage .coverage.* htmlcov
+	rm -rf $(VENV) build dist site .pytest_cache .ruff_cache .hypothesis .import_linter_cache .coverage .coverage.* htmlcov
 	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
