@@ -134,7 +134,7 @@ def test_a_sum_adds_its_terms():
     assert np.array_equal(total(Q), [111.0, 222.0])
 
 
-def joint(seed) -> Any:
+def joint(seed, *, directional=False) -> Any:
     generator = np.random.default_rng(seed)
     return JointFriction(
         viscous=Constant(jnp.asarray(generator.normal(size=3))),
@@ -142,29 +142,56 @@ def joint(seed) -> Any:
         scale=Known(jnp.array([0.5, 2.0])),
         speed=Known(jnp.array([1.5, 0.7])),
         knees=KNEES,
+        directions=Constant(jnp.asarray(3 * generator.normal(size=4))) if directional else None,
     )
 
 
-@given(seed=seeds, spread=st.floats(0.0, 100.0))
-def test_joint_friction_takes_energy_whatever_the_signs_of_its_coefficients(seed, spread):
+@given(seed=seeds, spread=st.floats(0.0, 100.0), directional=st.booleans())
+def test_joint_friction_takes_energy_whatever_the_signs_of_its_coefficients(seed, spread, directional):
     v = jnp.asarray(spread * np.random.default_rng(seed).normal(size=2))
-    D = np.asarray(evaluate(joint(seed), Q, v))
+    D = np.asarray(evaluate(joint(seed, directional=directional), Q, v))
     assert np.array_equal(D, D.T)
     assert np.linalg.eigvalsh(D).min() >= -1e-12 * np.abs(D).max()
     assert v @ D @ v >= 0
-    assert np.asarray(evaluate(joint(seed), Q, -v)) == pytest.approx(D, rel=1e-12)  # no preferred direction
 
 
-def test_joint_friction_follows_its_formula():
-    friction, v = joint(2), np.array([0.4, -1.2])
+@given(seed=seeds, spread=st.floats(0.0, 100.0))
+def test_joint_friction_has_no_preferred_direction_unless_it_may(seed, spread):
+    v = jnp.asarray(spread * np.random.default_rng(seed).normal(size=2))
+    there, back = (np.asarray(evaluate(joint(seed), Q, each)) for each in (v, -v))
+    assert back == pytest.approx(there, rel=1e-12)
+
+
+def test_directional_friction_brakes_one_way_more_by_a_constant_force_and_a_viscous_one():
+    unit = Known(jnp.ones(1))
+
+    def force(speed, *, dry, offset, viscous):
+        directions = constant(offset, viscous)
+        friction = JointFriction(constant(0.0), constant(dry, 0.0, 0.0), unit, unit, (0.01,), directions)
+        return float(friction(Q[:1], jnp.array([speed]))[0, 0] * speed)
+
+    for speed in (0.2, 1.0, 5.0):
+        there, back = (force(sign * speed, dry=2.0, offset=0.5, viscous=0.0) for sign in (1.0, -1.0))
+        assert (there - back) / 2 == pytest.approx(0.02, rel=0.01)  # dry friction, on either side
+        assert (there + back) / 2 == pytest.approx(0.005, rel=0.01)  # of a force that is always there
+    there, back = (force(sign * 50.0, dry=100.0, offset=0.0, viscous=0.01) for sign in (1.0, -1.0))
+    assert (there + back) / 2 == pytest.approx(0.5, rel=0.01)
+
+
+@pytest.mark.parametrize("directional", [False, True])
+def test_joint_friction_follows_its_formula(directional):
+    friction, v = joint(2, directional=directional), np.array([0.4, -1.2])
     w = v / np.array([1.5, 0.7])
     coefficients = np.asarray(friction.laws(Q)).reshape(2, -1)
+    if directional:
+        coefficients = np.concatenate([coefficients, np.asarray(friction.directions(Q)).reshape(2, 2)], axis=1)
     law = [
         coefficients[i]
         @ [
             *((1 + (w[i] / k) ** 2) ** -0.5 for k in KNEES),
             *(1 / (1 + (w[i] / k) ** 2) for k in KNEES),
             (1 + w[i] ** 2) ** 0.5 - 1,
+            *([w[i] / KNEES[0] / (1 + (w[i] / KNEES[0]) ** 2), w[i] / (1 + w[i] ** 2) ** 0.5] if directional else []),
         ]
         for i in range(2)
     ]
@@ -216,12 +243,12 @@ def test_known_arrays_have_no_derivative_and_are_not_trained():
 
 
 def test_corrections_are_free_rung_by_rung():
-    early, late = Correction(constant(1, 2, 3), rung=1), Correction(constant(1, 2, 3, 4))
-    tree = {"sum": Sum((constant(1, 2), early, late)), "unit": UNIT, "count": jnp.arange(3)}
+    early, late, last = (Correction(constant(*range(size)), rung=rung) for rung, size in ((1, 3), (2, 4), (3, 5)))
+    tree = {"sum": Sum((constant(1, 2), early, late, last)), "unit": UNIT, "count": jnp.arange(3)}
     free = [
         sum(leaf.size for leaf in jax.tree.leaves(eqx.filter(tree, trainable(tree, corrections=rung))))
         for rung in range(RUNGS + 1)
     ]
-    assert free == [2, 5, 9]
+    assert free == [2, 5, 9, 14]
     assert [count_parameters(tree, corrections=rung) for rung in range(RUNGS + 1)] == free
-    assert count_parameters(tree) == 9
+    assert count_parameters(tree) == 14

@@ -28,6 +28,7 @@ from ._formulas import (
     with_parameters as with_parameters,
 )
 from ._friction import (
+    ODD_SHAPES as ODD_SHAPES,
     AbstractFriction as AbstractFriction,
     JointFriction as JointFriction,
     KnownFriction as KnownFriction,
@@ -47,6 +48,8 @@ from ._harmonics import Harmonics as Harmonics, products as products
 from ._known import Known as Known
 from ._links import Links as Links, LinksBlock as LinksBlock
 from ._trainable import (
+    DIRECTIONS as DIRECTIONS,
+    FRICTION as FRICTION,
     RUNGS as RUNGS,
     count_parameters as count_parameters,
     highest_rung as highest_rung,
@@ -61,6 +64,9 @@ from ._triangles import (
 
 __all__ = [
     "ACTIVATIONS",
+    "DIRECTIONS",
+    "FRICTION",
+    "ODD_SHAPES",
     "RUNGS",
     "AbstractBlock",
     "AbstractFriction",

@@ -156,11 +156,11 @@ class Correction(AbstractFunction):
 
     Attributes:
         function: What is added once it is set free.
-        rung: Those of rung 1 are set free first, then those of rung 2 as well.
+        rung: Those of rung 1 are set free first, then those of rung 2 as well, and so on.
     """
 
     function: AbstractFunction
-    rung: int = eqx.field(static=True, default=2)
+    rung: int = eqx.field(static=True, default=3)
 
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""

@@ -10,8 +10,12 @@ from symoden.shapes import Coordinates
 from ._functions import AbstractFunction, Correction, Network, Sum
 from ._known import Known
 
-RUNGS = 2
-"""Rungs of the ladder that corrections are set free on."""
+FRICTION = 1
+"""Rung of corrections that are laws of friction: dry and quadratic parts."""
+DIRECTIONS = 2
+"""Rung of what makes friction depend on the direction."""
+RUNGS = 3
+"""Number of rungs of the ladder that corrections are set free on: the last is that of networks."""
 
 
 def trainable(model: PyTree, *, corrections: int = RUNGS) -> PyTree:

@@ -84,7 +84,7 @@ class Learned:
         """Evaluate the blocks over the data's range, with bands where these are known.
 
         Args:
-            points: Number of values along each coordinate and velocity.
+            points: Number of values along each coordinate, and each velocity in either direction.
 
         Returns:
             Both.

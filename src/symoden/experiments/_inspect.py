@@ -128,7 +128,8 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
     Args:
         model: Learned model or analytic system.
         ranges: Ranges of the training data.
-        points: Number of values along each coordinate, and of velocities along which friction is looked at.
+        points: Number of values along each coordinate, and of velocities in each direction at which friction is looked
+            at.
 
     Returns:
         What it learned.
@@ -250,14 +251,15 @@ def _profile(
 def _friction(
     model: AbstractDynamics, middle: Float[np.ndarray, " n"], speeds: Float[np.ndarray, " n"] | None, points: int
 ) -> tuple[FrictionProfile, ...]:
-    """Friction along every velocity."""
+    """Friction along every velocity, in both directions."""
     if not isinstance(model, AbstractPortHamiltonian) or speeds is None:
         return ()
     n = model.space.size
+    forwards = np.geomspace(_SLOWEST, 1.0, points)
+    both = np.concatenate([-forwards[::-1], forwards])
     found = []
     for i in range(n):
-        v = np.zeros((points, n))
-        v[:, i] = speeds[i] * np.geomspace(_SLOWEST, 1.0, points)
+        v = speeds[i] * both[:, None] * np.eye(n)[i]
         D = np.asarray(_dissipations(model, jnp.asarray(np.tile(middle, (len(v), 1))), jnp.asarray(v)))
         D = D[:, -n:, -n:]  # Of the full D, the part that acts on momenta.
         found.append(

@@ -1,7 +1,8 @@
 """The paper's five models, composed of blocks."""
 
 from ._baselines import GeometricModel as GeometricModel, NaiveModel as NaiveModel
-from ._build import KINDS as KINDS, BlockConfig as BlockConfig, Kind as Kind, ModelConfig as ModelConfig, build as build
+from ._build import build as build
+from ._config import KINDS as KINDS, BlockConfig as BlockConfig, Kind as Kind, ModelConfig as ModelConfig
 from ._embedded import embedded_vector_field as embedded_vector_field
 from ._files import load as load, save as save
 from ._gauge import rescale as rescale

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from symoden.blocks import RUNGS, count_parameters
+from symoden.blocks import DIRECTIONS, FRICTION, RUNGS, count_parameters
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
@@ -100,12 +100,13 @@ def _further(
     *,
     regression: bool = False,
 ) -> list[LevenbergStage]:
-    """Up the ladder of corrections: those of friction, then how much of all that is needed, then the networks.
+    """Up the ladder of corrections: friction's laws, their directions, how much of all that is needed, the networks.
 
-    Where priors are learned, friction's corrections are free whatever was said of them before: what is not needed is
-    narrowed. In longer windows they are learned anew: these tell of parameters that shorter ones do not, and what is
-    narrow does not widen. Errors that they were learned beside are then gone: a refit follows, in which they fade with
-    the loss.
+    Where priors are learned, friction's laws are free whatever was said of them before: what is not needed is narrowed.
+    What depends on the direction is not, unless validation asked for it: on a measured arm whose encoders have another
+    zero in every recording it took up what these leave, and a recording held out was predicted worse. In longer windows
+    priors are learned anew: these tell of parameters that shorter ones do not, and what is narrow does not widen.
+    Errors that they were learned beside are then gone: a refit follows, in which they fade with the loss.
 
     What comes after longer windows goes by the longest: short ones would undo what these find.
 
@@ -122,12 +123,15 @@ def _further(
     freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
     if regression or counts[RUNGS] > MOST_PARAMETERS:
         freed = [rung for rung in freed if rung < RUNGS]
-    low = [rung for rung in freed if rung < RUNGS]
-    judged = max(low, default=0)
+    judged = FRICTION if FRICTION in freed else 0
     learns = config.relevance_steps > 0 and 0 < counts[judged] <= MOST_PARAMETERS
     grow, learn = config.growth_steps, config.relevance_steps
     of = "regression: " if regression else ""
-    stages = [LevenbergStage(data, config, f"{of}friction", grow, rung, margin=_CHANCE, frees=True) for rung in low]
+    stages = [
+        LevenbergStage(data, config, of + name, grow, rung, margin=margin, frees=True)
+        for rung, name, margin in ((FRICTION, "friction", _CHANCE), (DIRECTIONS, "directions", _CLEAR))
+        if rung in freed
+    ]
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
     if learns:
         stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))
