@@ -98,6 +98,16 @@ def test_a_structure_that_is_no_model_is_refused(change, small_model, tmp_path):
         load(path)
 
 
+def test_friction_of_older_files_has_no_direction(small_model, scrambled, tmp_path):
+    path, model = tmp_path / "model.safetensors", scrambled(small_model("joint"), 1)
+    silent = eqx.tree_at(lambda model: model.friction.directions, model, None)
+    save(path, silent)
+    arrays, metadata = load_arrays(path)
+    assert metadata["structure"]["fields"]["friction"]["fields"].pop("directions", "absent") is None
+    save_arrays(path, arrays, metadata)
+    assert eqx.tree_equal(load(path), silent)
+
+
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_weights_that_are_no_numbers_are_refused(value, small_model, tmp_path):
     path = tmp_path / "model.safetensors"

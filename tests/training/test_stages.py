@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import RUNGS
+from symoden.blocks import DIRECTIONS, FRICTION, RUNGS
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _data, _levenberg_stage
@@ -96,13 +96,14 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     config = dataclasses.replace(quick, growth_steps=1, relevance_steps=1, lm_horizon=None, validation=0.0)
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
     stages = [s for s in line_up(pendulum(samples=400), model, [model], config) if isinstance(s, LevenbergStage)]
-    names = ["levenberg-marquardt", "friction", "relevance", "longer windows", "longer windows", "refit", "growth"]
-    assert [each.name for each in stages] == names
+    rungs = [0, FRICTION, DIRECTIONS, FRICTION, FRICTION, FRICTION, FRICTION, RUNGS]
+    names = ["friction", "directions", "relevance", "longer windows", "longer windows", "refit", "growth"]
+    assert [(each.name, each.corrections) for each in stages] == list(
+        zip(["levenberg-marquardt", *names], rungs, strict=True)
+    )
     assert stages[0].margin is None
     for before, after in itertools.pairwise(stages):
-        freed = after.corrections > before.corrections
-        assert after.corrections >= before.corrections
-        assert after.whitens != freed
+        assert after.whitens == (after.corrections <= before.corrections)  # What sets nothing free.
         assert after.margin is not None
         assert (after.margin > 0) != after.learns  # Simpler models are to be preferred; priors make them so.
         assert after.widens == (len(after.data.train.ts[0]) > len(before.data.train.ts[0]))

@@ -10,7 +10,6 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from scipy import special
 
 from symoden.data import Dataset, DataWarning, Trajectory, measure_noise, spaced_evenly, split_validation, windows
 from symoden.integrate import HOLDS, RK4
@@ -57,14 +56,12 @@ class Data(NamedTuple):
         """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.
 
         Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
-        of Breiman et al., 1984). Of few windows the standard error itself is a guess: Student's t of the differences is
-        turned into the deviate of a Gaussian that is as rare. 2 standard errors of two windows are worth 1.0 of many,
-        those of four 1.5.
+        of Breiman et al., 1984).
 
         Returns:
             Mean of the differences, window against window, relative to its standard error.
         """
-        if self.validation is None or (count := self.validation.ts.shape[0]) == 1:
+        if self.validation is None or self.validation.ts.shape[0] == 1:
             return 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             here, there = (
@@ -75,9 +72,8 @@ class Data(NamedTuple):
             return math.inf
         if not np.isfinite(there).all():
             return -math.inf
-        error = float(np.std(here - there, ddof=1)) / math.sqrt(count)
-        t = float(np.mean(here - there)) / max(error, float(np.finfo(float).tiny))
-        return math.copysign(float(special.ndtri(special.stdtr(count - 1, -abs(t)))), t)
+        error = float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
+        return float(np.mean(here - there)) / max(error, float(np.finfo(float).tiny))
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
