@@ -54,6 +54,15 @@ def test_a_data_set_survives_being_written_and_read(tmp_path_factory, n, m, mome
                 np.testing.assert_allclose(getattr(ours, array), getattr(theirs, array), atol=1e-12)
 
 
+def test_late_velocities_come_back_as_they_were(tmp_path):
+    ts = 0.005 * np.arange(400)
+    late = Trajectory(
+        name="late", ts=ts, q=np.sin(4 * ts)[:, None], rates=4 * np.cos(4 * ts - 0.1)[:, None], us=np.zeros((400, 0))
+    )
+    write_dataset(tmp_path / "d.toml", Dataset(name="d", space="T1", train=(late,)))
+    np.testing.assert_array_equal(read_dataset(tmp_path / "d.toml").train[0].rates, late.rates)
+
+
 def test_recordings_of_before_are_no_part_of_it_but_not_removed(tmp_path):
     for names in ("abc", "cd"):
         data = Dataset(name="arm", space="T2", train=tuple(recording(name, ord(name)) for name in names))

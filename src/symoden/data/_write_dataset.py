@@ -56,7 +56,7 @@ def write_dataset(path: Path | str, dataset: Dataset) -> None:
         f"space = {json.dumps(dataset.space)}",
         'time = "t"',
         'positions = "q"',
-        'momenta = "p"' if dataset.momenta else 'velocities = "v"',
+        *(['momenta = "p"'] if dataset.momenta else ['velocities = "v"', "trust_velocities = true"]),
         *(['inputs = "u"', f"hold = {json.dumps(dataset.hold)}"] if dataset.inputs else []),
         *([] if dataset.input_matrix is None else [f"input_matrix = {dataset.input_matrix.tolist()}"]),
         f"initial_samples = {dataset.recordings[0].initial_samples}",
