@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 
@@ -55,6 +55,7 @@ def quietly(path):
 
 
 @given(delay=st.floats(0.002, 0.02))
+@settings(max_examples=10)
 def test_late_velocities_give_way_to_the_slope_of_the_positions(tmp_path_factory, delay):
     path = write(tmp_path_factory.mktemp("late"), trains(*[(delay, delay)] * 3))
     with pytest.warns(DataWarning, match=r"velocities are estimated from the positions, .* `v1` comes .* ms late"):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.blocks import Constant, Correction, Sum, highest_rung
+from symoden.blocks import RUNGS, Constant, Correction, Sum, highest_rung
 from symoden.data import Dataset
 from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig, build
@@ -127,7 +127,7 @@ def test_corrections_that_were_never_free_are_no_part_of_it():
     q = jnp.zeros(1)
     assert highest_rung(Sum((silent, said)), q) == 1
     assert highest_rung(Sum((silent, Constant(jnp.ones(2)))), q) == 0
-    assert highest_rung(Sum((said, Correction(Constant(jnp.ones(2))))), q) == 2
+    assert highest_rung(Sum((said, Correction(Constant(jnp.ones(2))))), q) == RUNGS
 
 
 def test_models_too_large_for_it_are_refused(pendulum):
