@@ -328,3 +328,14 @@ def test_nothing_is_wrong_with_the_measured_examples_but_glitches(shared_data, m
     every = found(request.config.rootpath / "examples" / f"{name}.toml")
     assert {kind for kind, _, _ in every} == kinds
     assert {level for _, level, _ in every} <= {"masked"}
+
+
+@pytest.mark.parametrize(("size", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_a_clock_in_another_unit_is_blamed_and_not_the_velocities(tmp_path, size, unit):
+    log = arm()
+    log[:, 0] *= size
+    check = check_dataset(written(tmp_path, log))
+    (finding,) = (one for one in check.recordings[0].findings if one.kind == "unit")
+    assert (finding.level, finding.channel) == ("warning", "")
+    assert f"time stamps in {unit}, not in s?" in finding.text
+    assert f'units = {{stamp = "{unit}"}}' in finding.advice

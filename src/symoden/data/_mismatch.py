@@ -14,6 +14,8 @@ _ELSEWHERE = 0.2  # misfit of another coordinate's velocity that is taken for th
 _TURNS = 5  # in both directions without a wrap, beyond which an angle is perhaps in degrees
 _REVERSES = 1.5
 _DEGREES = 180 / np.pi
+_CLOCKS: Final = (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns")  # What makes of seconds so much of ∫v dt.
+_SLOW = 0.5  # [s] between samples, which hardly a logger takes; of a single joint the units may be wrong as well.
 
 # Factor of the position's displacement over the integrated velocity: what explains it, and units for both columns.
 _ANGLES: Final = (
@@ -41,12 +43,31 @@ def find_mismatches(facts: Facts) -> list[Finding]:
     Returns:
         The findings.
     """
+    if clock := _clock(facts):
+        return [clock]
     found: list[Finding] = []
     for i in range(facts.q.shape[1]):
         ratio = facts.ratios[i] if facts.ratios else None
         of_ratio = _of_ratio(facts, i, ratio) if ratio is not None and ratio.known else []
         found.extend(of_ratio or _in_degrees(facts, i) or _jumps(facts, i))
     return found
+
+
+def _clock(facts: Facts) -> Finding | None:
+    """A clock that does not count seconds, where all velocities are too large by the same power of a thousand."""
+    factors = [abs(ratio.factor) for ratio in facts.ratios if ratio.known]
+    slow = float(np.median(np.diff(facts.ts))) > _SLOW
+    for size, unit in _CLOCKS:
+        if factors and (slow or len(factors) > 1) and all(abs(factor / size - 1) < _SAME for factor in factors):
+            return Finding(
+                kind="unit",
+                level="warning",
+                channel="",
+                text=f"all positions move {size:g} times as far as their velocities say: time stamps in {unit}, not in "
+                "s?",
+                advice=f'Give the column of `time` its unit, such as `units = {{stamp = "{unit}"}}`, or correct `dt`.',
+            )
+    return None
 
 
 def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
