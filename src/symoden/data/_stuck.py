@@ -93,9 +93,9 @@ def _finding(facts: Facts, name: str, stuck: list[tuple[int, int]]) -> list[Find
             channel=name,
             text=f"`{name}` does not change at all from {start:.6g} to {end:.6g} s while the machine moves{times}: "
             "a stuck sensor?",
-            advice="Leave the cells of this column empty there: such rows are left out and the recording is split. (`rows` "
-            "does it too, but holds for every file of its part.) If the joint is held by friction, nothing need be "
-            "done.",
+            advice="Leave the cells of this column empty there: such rows are left out and the recording is split. "
+            "(`rows` does it too, but holds for every file of its part.) If the joint is held by friction, nothing "
+            "need be done.",
             spans=tuple(spans),
         )
     ]
