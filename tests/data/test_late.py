@@ -93,6 +93,14 @@ def test_good_velocities_beside_noisy_positions_stay_though_another_is_late(tmp_
     np.testing.assert_array_equal(dataset.train[0].rates, motion(delay=(0.05, 0.0))[2])
 
 
+def test_good_velocities_beside_a_stuck_position_stay_though_another_is_late(tmp_path):
+    recordings = trains(*[(0.01, 0.0)] * 3)
+    for _, q, _ in recordings.values():
+        q[300:420, 1] = q[300, 1]
+    dataset = quietly(write(tmp_path, recordings))
+    np.testing.assert_array_equal(dataset.train[0].rates, motion(delay=(0.01, 0.0))[2])
+
+
 def test_velocities_that_are_trusted_stay_without_a_warning(tmp_path):
     path = write(tmp_path, trains(*[(0.01, 0.01)] * 3), more="trust_velocities = true")
     np.testing.assert_array_equal(read_dataset(path).train[0].rates, motion(delay=(0.01, 0.01))[2])

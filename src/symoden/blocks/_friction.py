@@ -56,7 +56,7 @@ class JointFriction(AbstractFriction):
 
     Gears and seals brake more in one direction than in the other. `directions` adds two odd shapes to x: that of dry
     friction, (w/w₁)/(1 + (w/w₁)²) at the least knee w₁, whose force is the same in both directions, as that of a torque
-    that is off by a constant, and that of viscous friction, w/√(1 + w²).
+    that is off by a constant, and that of viscous friction, w/√(1 + w²). They brake less, but never push.
 
     Attributes:
         viscous: Entries of the lower triangle B(q), row by row.
@@ -91,7 +91,8 @@ class JointFriction(AbstractFriction):
         shapes = jnp.concatenate([knee**-0.5, 1 / knee, (bend - 1)[:, None]], axis=1)
         x = jnp.sum(self.laws(q).reshape(shapes.shape) * shapes, axis=1)
         if self.directions is not None:
-            odd = jnp.stack([w / self.knees[0] / knee[:, 0], w / bend], axis=1)
+            least = self.knees.index(min(self.knees))
+            odd = jnp.stack([w / self.knees[least] / knee[:, least], w / bend], axis=1)
             x = x + jnp.sum(self.directions(q).reshape(odd.shape) * odd, axis=1)
         joint = (x + jnp.sqrt(x**2 + _ROUNDED**2)) / 2
         scale = self.scale.value

@@ -13,7 +13,7 @@ from ._findings import Finding
 from ._logs import Log
 
 _HARMLESS: Final = 0.01  # Error of a slope relative to a typical velocity that no other velocity could mend by much.
-_DOUBTED: Final = frozenset({"unit", "sign", "velocity"})  # Findings that say that nothing is known of a velocity yet.
+_DOUBTED: Final = frozenset({"stuck", "jump", "sign", "velocity"})  # Findings after which no slope is to be trusted.
 
 
 def replace_late(
@@ -51,7 +51,7 @@ def _by_joint(slopes: Sequence[Sequence[SlopeComparison]]) -> dict[int, list[Slo
 
 
 def _is_doubted(examinations: Sequence[Examination], compared: Collection[int]) -> bool:
-    """Whether a velocity may have a wrong unit, or its position is too noisy to compare it with."""
+    """Whether a position is damaged, or too noisy or in too wrong a unit to compare its velocity with."""
     facts = [found.facts for found in examinations if found.facts is not None]
     moving = {i for each in facts for i, position in enumerate(each.positions) if not is_idle(position)}
     wrong = any(finding.kind in _DOUBTED for found in examinations for finding in found.findings)

@@ -45,8 +45,8 @@ class LevenbergStage(AbstractStage):
         config: Settings.
         name: What reports call it.
         steps: Largest number of steps.
-        corrections: Up to which rung corrections are free: none, those of friction, all. Those that a stage before has
-            set free and kept are free in any case.
+        corrections: Up to which rung corrections are free: none, friction's laws, their directions, all. Those that a
+            stage before has set free and kept are free in any case.
         margin: What comes of the stage is kept if it is better than what was before by more than so many standard
             errors of the difference in validation; below zero, unless it is worse by that many. Such a stage is
             skipped where nothing is left to explain. None keeps the best model.
