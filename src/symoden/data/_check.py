@@ -102,10 +102,10 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         examine(log, description, is_angle, chosen.spikes if isinstance(chosen, Mask) else ())
         for log, chosen in zip(logs, masks, strict=True)
     ]
-    used, replaced = replace_late(logs, examinations, description)
+    used, examinations, replaced = replace_late(logs, examinations, description)
     made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     checks = tuple(
-        _check(log, recordings, outcome, _left(examination, replaced))
+        _check(log, recordings, outcome, examination)
         for log, (recordings, outcome), examination in zip(logs, made, examinations, strict=True)
     )
     checks = tuple(_advised(check, checks) for check in checks)
@@ -141,12 +141,6 @@ def _made(
         return recordings_of(log, chosen, description, is_angle), chosen
     except DataError as error:
         return (), error
-
-
-def _left(examination: Examination, replaced: Finding | None) -> Examination:
-    """What is left to say of a log where velocities are estimated in any case."""
-    kept = tuple(one for one in examination.findings if replaced is None or one.kind != replaced.kind)
-    return dataclasses.replace(examination, findings=kept)
 
 
 def _assembled(

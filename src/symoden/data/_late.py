@@ -9,7 +9,7 @@ import numpy as np
 from ._accuracy import WORSE, SlopeComparison
 from ._description import Description
 from ._examine import Examination, is_idle
-from ._findings import Finding
+from ._findings import Finding, Kind
 from ._logs import Log
 
 _HARMLESS: Final = 0.01  # Error of a slope relative to a typical velocity that no other velocity could mend by much.
@@ -18,7 +18,7 @@ _DOUBTED: Final = frozenset({"stuck", "jump", "sign", "velocity"})  # Findings a
 
 def replace_late(
     logs: Sequence[Log], examinations: Sequence[Examination], description: Description
-) -> tuple[tuple[Log, ...], Finding | None]:
+) -> tuple[tuple[Log, ...], tuple[Examination, ...], Finding | None]:
     """Take velocities away that come late, so that they are estimated from the positions.
 
     The training recordings decide for all. A velocity is late if it is in most of them. All of them go, for what is
@@ -30,18 +30,30 @@ def replace_late(
         description: What it means.
 
     Returns:
-        The logs, without rates where these were taken away, and a finding that says so, if so.
+        The logs, without rates where these were taken away; then also the examinations without what they say of each
+        velocity's slope, and one finding that says it for all.
     """
     if description.trust_velocities:
-        return tuple(logs), None
+        return tuple(logs), tuple(examinations), None
     parts = {log.part for log in logs}
     decides = "train" if "train" in parts else "test"
     asked = [found for log, found in zip(logs, examinations, strict=True) if log.part == decides]
     joints = _by_joint([found.slopes for found in asked])
     late = {joint: every for joint, every in joints.items() if 2 * sum(one.is_late for one in every) > len(every)}
     if not late or _is_doubted(asked, joints) or not all(map(_is_better_estimated, joints.values())):
-        return tuple(logs), None
-    return tuple(dataclasses.replace(log, rates=None) for log in logs), _finding(late.values())
+        return tuple(logs), tuple(examinations), None
+    said = _finding(late.values())
+    return (
+        tuple(dataclasses.replace(log, rates=None) for log in logs),
+        tuple(_without(said.kind, found) for found in examinations),
+        said,
+    )
+
+
+def _without(kind: Kind, examination: Examination) -> Examination:
+    """The same but for findings of a kind."""
+    kept = tuple(finding for finding in examination.findings if finding.kind != kind)
+    return dataclasses.replace(examination, findings=kept)
 
 
 def _by_joint(slopes: Sequence[Sequence[SlopeComparison]]) -> dict[int, list[SlopeComparison]]:

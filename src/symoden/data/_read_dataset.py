@@ -53,7 +53,7 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     logs = read_logs(path, description)
     masks = [rows_to_use(log, description, is_angle) for log in logs]
     examinations = [examine(log, description, is_angle, chosen.spikes) for log, chosen in zip(logs, masks, strict=True)]
-    used, replaced = replace_late(logs, examinations, description)
+    used, examinations, replaced = replace_late(logs, examinations, description)
     recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     dataset = assemble(path, description, used, recordings)
     _warn_of_masks(path, logs, masks)
@@ -115,7 +115,7 @@ def _warn_of_suspicions(
         f"`{log.name}`: {finding.text.removesuffix('?')}"
         for log, clocks, examination in zip(logs, find_other_clocks(logs, description), examinations, strict=True)
         for finding in (*clocks, *examination.findings)
-        if finding.level == "warning" and not (replaced and finding.kind == replaced.kind)
+        if finding.level == "warning"
     ]
     if found:
         _warn(path, "perhaps wrong in", found)

@@ -103,10 +103,11 @@ def _further(
     """Up the ladder of corrections: friction's laws, their directions, how much of all that is needed, the networks.
 
     Where priors are learned, friction's laws are free whatever was said of them before: what is not needed is narrowed.
-    What depends on the direction is not, unless validation asked for it: on a measured arm whose encoders have another
-    zero in every recording it took up what these leave, and a recording held out was predicted worse. In longer windows
-    priors are learned anew: these tell of parameters that shorter ones do not, and what is narrow does not widen.
-    Errors that they were learned beside are then gone: a refit follows, in which they fade with the loss.
+    What depends on the direction is not, unless validation asked for it, or networks are free too: on a measured arm
+    whose encoders have another zero in every recording it took up what these leave, and a recording held out was
+    predicted worse. In longer windows priors are learned anew: these tell of parameters that shorter ones do not, and
+    what is narrow does not widen. Errors that they were learned beside are then gone: a refit follows, in which they
+    fade with the loss.
 
     What comes after longer windows goes by the longest: short ones would undo what these find.
 
