@@ -1,5 +1,6 @@
 """Blocks over random coefficients: signs, shapes, periodicity, what is trained and what is not."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -176,6 +177,16 @@ def test_directional_friction_brakes_one_way_more_by_a_constant_force_and_a_visc
         assert (there + back) / 2 == pytest.approx(0.005, rel=0.01)  # of a force that is always there
     there, back = (force(sign * 50.0, dry=100.0, offset=0.0, viscous=0.01) for sign in (1.0, -1.0))
     assert (there + back) / 2 == pytest.approx(0.5, rel=0.01)
+
+
+@given(seed=seeds)
+def test_a_whole_direction_makes_friction_twice_as_large_one_way(seed):
+    even = eqx.tree_at(lambda f: f.laws.values, joint(seed), replace_fn=jnp.abs)
+    for shape in range(2):
+        whole = jnp.where(np.arange(4) % 2 == shape, even.whole_directions(Q), 0)
+        uneven = dataclasses.replace(even, directions=Constant(whole))
+        there, both = (np.diag(np.asarray(each(Q, even.speed.value))) for each in (uneven, even))
+        assert there == pytest.approx(2 * both, rel=1e-6)
 
 
 @pytest.mark.parametrize("directional", [False, True])

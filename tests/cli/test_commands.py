@@ -1,13 +1,15 @@
 """What simulate, evaluate, predict and inspect print and write."""
 
+import dataclasses
 import json
 import shutil
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from symoden.cli import main
-from symoden.experiments import Prediction, simulate, task
+from symoden.experiments import Prediction, TrainingSummary, read_run, simulate, task, write_run
 
 from .conftest import write_untrained_run
 
@@ -52,7 +54,8 @@ def test_evaluate_gives_position_errors_on_a_data_set(arm_run, arm, capsys):
         recordings = answer(capsys, "evaluate", *words)["recordings"]
         assert [(r["name"], r["split"], r["samples"]) for r in recordings] == [("a", "train", 80), ("b", "test", 60)]
         for recording in recordings:
-            assert set(recording) == {"name", "split", "samples", "window_rmse", "rollout_rmse"}
+            assert set(recording) == {"name", "split", "samples", "window_rmse", "rollout_rmse", "coordinates"}
+            assert recording["coordinates"] == pytest.approx([recording["window_rmse"]["median"]])
             assert recording["window_rmse"]["horizon_s"] == 1.0
             assert 0 < recording["window_rmse"]["median"] < 10
 
@@ -70,6 +73,26 @@ def test_evaluate_says_how_many_positions_its_bands_cover(arm_run, capsys):
     assert bands["half_width"] > 0
     assert main(["evaluate", str(arm_run), "--bands"]) == 0
     assert f"cover {bands['coverage']:.1%} of the positions of the test recordings" in capsys.readouterr().out
+
+
+def test_how_training_went_goes_with_what_came_of_it(arm, tmp_path, capsys):
+    outcome, verdict = "stopped at the time limit of 1 minutes, with growth still to come", "not kept (for a reason)"
+    trained = TrainingSummary(outcome=outcome, completed=False, seconds=61.0, verdicts={"friction": verdict})
+    run = write_untrained_run(tmp_path / "run", arm, trained=trained)
+    assert answer(capsys, "inspect", run)["training"] == asdict(trained)
+    assert main(["inspect", str(run)]) == 0
+    printed = capsys.readouterr().out
+    assert f"\ntraining\n  {outcome}, after 61 s\n  friction: {verdict}\n" in printed
+    page = tmp_path / "page.html"
+    assert main(["report", str(run), "--out", str(page)]) == 0
+    assert f"Friction: {verdict}." in page.read_text()
+    words = ["evaluate", str(run)], ["predict", str(run), str(arm), "--out", str(tmp_path / "paths.npz")]
+    for completed in (False, True):
+        write_run(run, dataclasses.replace(read_run(run), trained=dataclasses.replace(trained, completed=completed)))
+        for each in words:
+            capsys.readouterr()
+            assert main(each) == 0
+            assert (f"training has not ended: {outcome}" in capsys.readouterr().err) != completed
 
 
 def test_too_few_windows_give_no_bands_but_all_else(arm_run, tmp_path, capsys):
@@ -150,6 +173,7 @@ def test_inspect_keeps_the_contract(arm_run, capsys):
         "dissipation_eigenvalues",
         "certainty",
         "audit",
+        "training",
     ]
     assert (found["space"], found["anchor"]) == ("T1", "input_matrix given")
     assert (found["given"], found["identified"]) == ({"input_matrix": "given"}, {})

@@ -14,7 +14,7 @@ from symoden.experiments import Source, _evaluate, predict, score_recordings, sc
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
-from symoden.systems import Pendulum
+from symoden.systems import CartPole, Pendulum
 
 FINE = RK4(16)
 TRUTH = Pendulum(damping=0.2)
@@ -134,6 +134,19 @@ def test_scoring_starts_after_the_initial_samples():
     assert score.window_rmse.mean == pytest.approx(np.mean(errors), rel=1e-9)
     whole = written_out(Pendulum(), recording, 0, 31)[6:]
     assert score.rollout_rmse == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-9)
+
+
+def test_lengths_and_angles_are_scored_each_by_itself_too():
+    ts = 0.05 * np.arange(31)
+    q = np.stack([0.3 * np.sin(3 * ts), 0.1 * np.cos(2 * ts)], axis=1)
+    rates = np.stack([0.9 * np.cos(3 * ts), -0.2 * np.sin(2 * ts)], axis=1)
+    recording = Trajectory(name="swing", ts=ts, q=q, rates=rates, us=np.zeros((31, 1)))
+    (score,) = score_recordings(CartPole(), Dataset(name="d", space="R1 T1", train=(recording,)), solver=RK4(4))
+    errors = [written_out(CartPole(), recording, k, k + 21)[1:] for k in (0, 5, 10)]
+    each = np.sqrt(np.mean(np.square(errors), axis=1))
+    assert score.coordinates == pytest.approx(np.median(each, axis=0), rel=1e-9)
+    both = np.sqrt(np.mean(np.square(errors), axis=(1, 2)))
+    assert (score.window_rmse.median, score.window_rmse.mean) == pytest.approx((np.median(both), both.mean()), rel=1e-9)
 
 
 def in_noise(k, *, noise=0.4, initial_samples=10):

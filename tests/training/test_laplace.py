@@ -3,16 +3,17 @@
 import dataclasses
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.blocks import RUNGS, Constant, Correction, Sum, highest_rung
+from symoden.blocks import RUNGS, Constant, Correction, JointFriction, Sum, highest_rung
 from symoden.data import Dataset
 from symoden.known import KnownParts
-from symoden.models import BlockConfig, ModelConfig, build
+from symoden.models import BlockConfig, ModelConfig, StructuredModel, build
 from symoden.spaces import Space
 from symoden.systems import Pendulum
 from symoden.training import Laplace, TrainingConfig, _laplace, fit, infer_posterior
@@ -86,12 +87,13 @@ def test_the_covariance_is_the_sandwich_and_without_information_the_prior(seed, 
     J, scores = generator.normal(size=(5, 3, 4)) * [1.0, 2.0, 0.5, 0.0], generator.normal(size=(5, 4)) * [1, 1, 1, 0]
     variance, squares = 0.3, np.einsum("wri,wrj->ij", J, J)
     spread = scores.T @ scores
-    factor, effective = _sandwich(squares, spread, windows=5, variance=variance, inflation=inflation, prior=prior)
-    bread = np.linalg.inv(squares / (inflation * variance) + prior * np.eye(4))
-    filling = 5 / 4 * spread / (inflation * variance**2) + prior * np.eye(4)
+    priors = prior * np.array([1.0, 30.0, 0.2, 4.0])
+    factor, effective = _sandwich(squares, spread, windows=5, variance=variance, inflation=inflation, prior=priors)
+    bread = np.linalg.inv(squares / (inflation * variance) + np.diag(priors))
+    filling = 5 / 4 * spread / (inflation * variance**2) + np.diag(priors)
     expected = bread @ filling @ bread
     assert factor @ factor.T == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
-    assert (factor @ factor.T)[3, 3] == pytest.approx(1 / prior, rel=1e-9)
+    assert (factor @ factor.T)[3, 3] == pytest.approx(1 / priors[3], rel=1e-9)
     assert effective == pytest.approx(np.trace(bread @ squares) / (inflation * variance), rel=1e-9)
 
 
@@ -107,7 +109,12 @@ def test_bands_from_few_windows_cover_what_they_say(windows):
         r = y - J @ theta
         scores = np.einsum("wrp,wr->wp", J, r)
         factor, effective = _sandwich(
-            squares, scores.T @ scores, windows=windows, variance=float(np.mean(r**2)), inflation=1.0, prior=1e-6
+            squares,
+            scores.T @ scores,
+            windows=windows,
+            variance=float(np.mean(r**2)),
+            inflation=1.0,
+            prior=np.full(size, 1e-6),
         )
         posterior = Laplace(
             restore=lambda theta: theta, theta=theta, windows=windows, factor=factor, effective=effective
@@ -128,6 +135,30 @@ def test_corrections_that_were_never_free_are_no_part_of_it():
     assert highest_rung(Sum((silent, said)), q) == 1
     assert highest_rung(Sum((silent, Constant(jnp.ones(2)))), q) == 0
     assert highest_rung(Sum((said, Correction(Constant(jnp.ones(2))))), q) == RUNGS
+
+
+def test_friction_may_differ_a_little_where_no_difference_between_the_directions_was_kept(pendulum):
+    dataset = pendulum(count=2, samples=41)
+    config = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT)
+    model = build(config, Space.parse("T1"), 1, key=jax.random.key(0))
+    assert isinstance(model, StructuredModel)
+    assert isinstance(model.friction, JointFriction)
+
+    def posterior(laws, directions):
+        where = lambda m: (m.friction.laws.function.values, m.friction.directions.function.values)
+        values = (jnp.full(JointFriction.shapes(config.knees), laws), jnp.full(2, directions))
+        return infer_posterior(eqx.tree_at(where, model, values), dataset, STEPS)
+
+    without, even, kept = posterior(0.0, 0.0), posterior(0.2, 0.0), posterior(0.2, 0.1)
+    assert even.theta.size == kept.theta.size == without.theta.size + JointFriction.shapes(config.knees) + 2
+    assert isinstance(even.model, StructuredModel)
+    assert isinstance(even.model.friction, JointFriction)
+    whole = np.asarray(even.model.friction.whole_directions(jnp.zeros(1)))
+    rows = [each.project(lambda m: m.friction.directions.function.values) for each in (even, kept)]
+    narrow, wide = (np.linalg.norm(each, axis=1) for each in rows)
+    assert (narrow < 0.3 * whole).all()
+    assert (narrow > 1e-6 * whole).all()
+    assert wide[1] > 3 * narrow[1]
 
 
 def test_models_too_large_for_it_are_refused(pendulum):

@@ -97,7 +97,7 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
     stages = [s for s in line_up(pendulum(samples=400), model, [model], config) if isinstance(s, LevenbergStage)]
     rungs = [0, FRICTION, DIRECTIONS, FRICTION, FRICTION, FRICTION, FRICTION, RUNGS]
-    names = ["friction", "directions", "relevance", "longer windows", "longer windows", "refit", "growth"]
+    names = ["friction", "directions", "relevance", "longer windows 2x", "longer windows 4x", "refit", "growth"]
     assert [(each.name, each.corrections) for each in stages] == list(
         zip(["levenberg-marquardt", *names], rungs, strict=True)
     )

@@ -6,6 +6,7 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from symoden.shapes import Coordinates, DissipationMatrix, Velocities
 
@@ -91,13 +92,29 @@ class JointFriction(AbstractFriction):
         shapes = jnp.concatenate([knee**-0.5, 1 / knee, (bend - 1)[:, None]], axis=1)
         x = jnp.sum(self.laws(q).reshape(shapes.shape) * shapes, axis=1)
         if self.directions is not None:
-            least = self.knees.index(min(self.knees))
-            odd = jnp.stack([w / self.knees[least] / knee[:, least], w / bend], axis=1)
+            odd = self._odd(w)
             x = x + jnp.sum(self.directions(q).reshape(odd.shape) * odd, axis=1)
         joint = (x + jnp.sqrt(x**2 + _ROUNDED**2)) / 2
         scale = self.scale.value
         factor = scale[:, None] * lower_triangle(self.viscous(q), size=w.shape[0])
         return factor @ factor.T + jnp.diag(joint * scale**2)
+
+    def _odd(self, w: Velocities) -> Float[Array, "n 2"]:
+        """The shapes that depend on the direction, at velocities relative to the typical ones."""
+        least = min(self.knees)
+        return jnp.stack([w / least / (1 + (w / least) ** 2), w / jnp.sqrt(1 + w**2)], axis=1)
+
+    def whole_directions(self, q: Coordinates) -> Float[Array, " 2*n"]:
+        """Coefficients that each make an odd shape as large as the whole friction is at the typical speed.
+
+        Args:
+            q: Configuration.
+
+        Returns:
+            The coefficients, joint by joint.
+        """
+        size = jnp.diag(self(q, self.speed.value)) / self.scale.value**2
+        return (size[:, None] / self._odd(jnp.ones_like(size))).ravel()
 
 
 @final

@@ -29,6 +29,7 @@ from symoden.systems import Machine
 from ._arguments import Control
 from ._figure import check_figure, save_figure
 from ._output import number, print_json, print_table
+from ._words import name_unfinished
 
 
 def run(command: Control) -> None:
@@ -51,6 +52,7 @@ def run(command: Control) -> None:
         seed=command.seed,
     )
     config = read_run(command.run)
+    name_unfinished(config)
     model, plants = read_model(command.run), ()
     if command.target or command.env == LEARNED:
         machine, plants = _learned(command, config, model)

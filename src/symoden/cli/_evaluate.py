@@ -19,7 +19,7 @@ from ._figure import check_figure, save_figure
 from ._learned import bands_of, draw_unseen, posterior_of
 from ._output import print_json
 from ._scores import report_scores
-from ._words import band_words
+from ._words import band_words, name_unfinished
 
 
 def run(command: Evaluate) -> None:
@@ -31,6 +31,7 @@ def run(command: Evaluate) -> None:
     check_figure(command.figure)
     config = read_run(command.run)
     model = read_model(command.run)
+    name_unfinished(config)
     source = read_run_source(config, command.source)
     scores = report_scores(model, config, source, json=command.general.json)
     bands, missing = _bands(command, config, model, source) if command.bands else (None, "")

@@ -1,5 +1,7 @@
 """`symoden inspect`."""
 
+from dataclasses import asdict
+
 from symoden.experiments import Certainty, Inspection
 
 from ._arguments import Inspect
@@ -7,7 +9,7 @@ from ._figure import check_figure, save_figure
 from ._learned import Learned
 from ._output import print_json, print_table
 from ._tables import facts, tables
-from ._words import audit_as_json, audit_words, certainty_words
+from ._words import audit_as_json, audit_words, certainty_words, training_words
 
 
 def run(command: Inspect) -> None:
@@ -24,7 +26,9 @@ def run(command: Inspect) -> None:
         save_figure(learned.draw(), command.figure)
     if command.general.json:
         audit = audit_as_json(split, audited, learned.missing)
-        print_json(_as_json(found, audit, _certainty_as_json(certain, learned.uncertain)))
+        trained = learned.config.trained
+        training = {"training": None if trained is None else asdict(trained)}
+        print_json(_as_json(found, audit, _certainty_as_json(certain, learned.uncertain)) | training)
         return
     print(f"{command.run}: {learned.config.model.kind} model of {learned.config.source}, space {found.space}")
     for name, value in facts(found):
@@ -32,10 +36,12 @@ def run(command: Inspect) -> None:
     for table in tables(found, certain, learned.config):
         print_table(*table)
     for heading, lines in (
+        ("training", training_words(learned.config)),
         ("certainty", certainty_words(certain, learned.uncertain)),
         ("power audit", audit_words(split, audited, learned.missing)),
     ):
-        print("", heading, *(f"  {line}" for line in lines), sep="\n")
+        if words := [f"  {line}" for line in lines]:
+            print("", heading, *words, sep="\n")
     if command.figure is not None:
         print(f"\nall of it is drawn in {command.figure}")
 

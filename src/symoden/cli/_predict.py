@@ -10,6 +10,7 @@ from symoden.spaces import Space
 
 from ._arguments import Predict
 from ._output import print_json, save_npz
+from ._words import name_unfinished
 
 _COLUMNS: Final = ("ts", "q", "rates", "u", "q_predicted", "rates_predicted")
 _MANY = 0.05  # Share of samples outside of the training data from which it is worth a word.
@@ -23,6 +24,7 @@ def run(command: Predict) -> None:
     """
     config = read_run(command.run)
     model = read_model(command.run)
+    name_unfinished(config)
     source = read_run_source(config, command.source)
     every = [(part, recording) for part, recordings in source.parts.items() for recording in recordings]
     recordings = [recording for _, recording in every]

@@ -86,7 +86,8 @@ def _on_lines() -> Callable[[Progress], None]:
         if unsaid is not None and progress.stage != unsaid.stage:
             _say(unsaid)  # How the stage before ended.
         unsaid = progress
-        if progress.stage != last[0] or progress.step == progress.steps or now - last[1] >= _PAUSE:
+        ends = progress.step == progress.steps or progress.verdict
+        if progress.stage != last[0] or ends or now - last[1] >= _PAUSE:
             last, unsaid = (progress.stage, now), None
             _say(progress)
 
@@ -100,6 +101,7 @@ def _say(progress: Progress) -> None:
 
 
 def _losses(progress: Progress) -> str:
-    """Losses in words."""
+    """Losses, and what came of the stage, in words."""
     validation = "" if progress.validation is None else f"  validation {number(progress.validation)}"
-    return f"loss {number(progress.loss)}{validation}"
+    verdict = f"  {progress.verdict}" if progress.verdict else ""
+    return f"loss {number(progress.loss)}{validation}{verdict}"

@@ -15,7 +15,7 @@ from ._learned import MOST_DRAWN, Learned, draw_unseen, unseen
 from ._output import TableText, number, print_json
 from ._scores import scores_of
 from ._tables import facts, tables
-from ._words import audit_words, band_words, certainty_words
+from ._words import audit_words, band_words, certainty_words, training_words
 
 if TYPE_CHECKING:
     from symoden.report import PageSection, PageTable
@@ -39,7 +39,13 @@ def run(command: Report) -> None:
 
     learned = Learned.of(command.run)
     config = learned.config
-    sections = [*_predictions(learned), _blocks(learned), _audit(learned), _training(command.run), _settings(config)]
+    sections = [
+        *_predictions(learned),
+        _blocks(learned),
+        _audit(learned),
+        _training(command.run, config),
+        _settings(config),
+    ]
     lead = f"{config.model.kind.capitalize()} model of {config.source}, configuration space {config.data.space}."
     write_html(command.out, title=f"symoden: {command.run.resolve().name}", lead=lead, sections=sections)
     if command.general.json:
@@ -100,19 +106,20 @@ def _audit(learned: Learned) -> "PageSection":
     return PageSection(heading="Power audit", words=words)
 
 
-def _training(run: Path) -> "PageSection":
+def _training(run: Path, config: RunConfig) -> "PageSection":
     """How training went."""
     from symoden.report import PageSection, draw_training
 
+    words = [f"{line[0].upper()}{line[1:]}." for line in training_words(config)]
     path = run / "metrics.jsonl"
     try:
         metrics = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
         figure = draw_training(metrics)
     except FileNotFoundError:
-        return PageSection(heading="Training", words=["No `metrics.jsonl` was kept."])
+        return PageSection(heading="Training", words=[*words, "No `metrics.jsonl` was kept."])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise StorageError(f"`{path}` is damaged: {error}. Restore it, or remove it.") from None
-    return PageSection(heading="Training", figure=figure, caption="Losses of every stage of training.")
+    return PageSection(heading="Training", words=words, figure=figure, caption="Losses of every stage of training.")
 
 
 def _settings(config: RunConfig) -> "PageSection":

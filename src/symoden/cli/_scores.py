@@ -21,6 +21,7 @@ from symoden.spaces import Space
 from ._output import TableText, number, print_table
 
 _ERRORS = ("train", "test", "prediction")
+_FEW = 4  # Coordinates that have a column each.
 
 
 def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> dict[str, object]:
@@ -55,7 +56,9 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> tup
     solver = evaluation_solver(config)
     if source.task is None:
         recordings = score_recordings(model, source.dataset, solver=solver)
-        return {"recordings": [asdict(recording) for recording in recordings]}, _recordings(recordings, model.space)
+        return {"recordings": [asdict(recording) for recording in recordings]}, _recordings(
+            recordings, model.space, config.data.position_names
+        )
     score = score_task(model, source, solver=solver)
     errors = {f"{name}_error": getattr(score, name)._asdict() for name in _ERRORS}
     described = {"task": source.task.name, "model": config.model.kind, "parameters": count_parameters(model)}
@@ -72,13 +75,21 @@ def _errors(score: TaskScore, task: Task, kind: str) -> TableText:
     )
 
 
-def _recordings(recordings: Sequence[RecordingScore], space: Space) -> TableText:
-    """Errors of every recording."""
-    units = [unit for unit, columns in (("m", space.lengths), ("rad", space.angles)) if len(columns)]
+def _recordings(recordings: Sequence[RecordingScore], space: Space, names: Sequence[str]) -> TableText:
+    """Errors of every recording; of a few coordinates also each one's."""
+    units = "in the data's units" if len(space.lengths) else "[rad]"
+    each = [f"1 s, {name}" for name in names] if 1 < len(names) <= _FEW else []
     return TableText(
-        f"position RMSE [{', '.join(units)}]: over windows of 1 s, and of one rollout over the whole recording",
-        ("recording", "split", "samples", "1 s median", "1 s mean", "whole"),
-        [(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.rollout_rmse) for r in recordings],
+        f"position RMSE {units}: over windows of 1 s, and of one rollout over the whole recording"
+        + ("; of each coordinate the median over the windows" if each else ""),
+        ("recording", "split", "samples", "1 s median", "1 s mean", "whole", *each),
+        [
+            (
+                *(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.rollout_rmse),
+                *r.coordinates[: len(each)],
+            )
+            for r in recordings
+        ],
     )
 
 

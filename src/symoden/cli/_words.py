@@ -1,14 +1,40 @@
 """How certain a model is, and how it does on recordings, in sentences."""
 
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Final
 
-from symoden.experiments import Audit, BandScore, Certainty
+from symoden.experiments import Audit, BandScore, Certainty, RunConfig
 
 from ._output import number
 
 _NONE: Final = 1e-6  # Relative width of a band that is none.
+
+
+def training_words(config: RunConfig) -> Iterator[str]:
+    """How training went, in words.
+
+    Args:
+        config: Settings of the run, and what came of them.
+
+    Yields:
+        Lines; none of runs from before this was kept.
+    """
+    if config.trained is None:
+        return
+    yield f"{config.trained.outcome}, after {config.trained.seconds:.0f} s"
+    yield from (f"{stage}: {verdict}" for stage, verdict in config.trained.verdicts.items())
+
+
+def name_unfinished(config: RunConfig) -> None:
+    """Say on standard error that a run's training has not come to its end, if so.
+
+    Args:
+        config: Settings of the run, and what came of them.
+    """
+    if config.trained is not None and not config.trained.completed:
+        print(f"warning: training has not ended: {config.trained.outcome}.", file=sys.stderr)
 
 
 def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
@@ -91,7 +117,7 @@ def audit_words(split: str, result: Audit | None, missing: str) -> Iterator[str]
     if result.diverged is None:
         yield "the balance of powers does not apply: this kind of model has no energy"
         return
-    yield f"rollouts: {result.rollouts}, of which {result.diverged} diverged"
+    yield f"rollouts: {result.rollouts}, of which {result.diverged} did not stay finite"
     yield f"largest violation of dH/dt = y'u - v'Dv along rollouts, relative: {number(result.rollout_violation)}"
     yield (
         "residual of the energy balance along recordings, relative: "

@@ -72,6 +72,7 @@ from ._run_cell import check_cell as check_cell, run_cell as run_cell
 from ._runs import (
     DataSummary as DataSummary,
     RunConfig as RunConfig,
+    TrainingSummary as TrainingSummary,
     evaluation_solver as evaluation_solver,
     holds_run as holds_run,
     read_model as read_model,
@@ -146,6 +147,7 @@ __all__ = [
     "TaskData",
     "TaskScore",
     "Trained",
+    "TrainingSummary",
     "WindowScore",
     "absolute_name",
     "anchor",

@@ -68,6 +68,8 @@ class RecordingScore:
         window_rmse: Errors over short windows, each from a measured state.
         rollout_rmse: Position RMSE of one rollout from the start of the recording, found from its `initial_samples`;
             infinite if it diverges.
+        coordinates: The median over the windows for each coordinate by itself, for lengths and angles have no common
+            unit.
     """
 
     name: str
@@ -75,6 +77,7 @@ class RecordingScore:
     samples: int
     window_rmse: WindowScore
     rollout_rmse: float
+    coordinates: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -146,23 +149,35 @@ def score_recordings(
     recordings = [recording for _, recording in chosen]
     windows = [(i, *edges) for i, recording in enumerate(recordings) for edges in one_second_windows(recording)]
     stretches = [Stretch(trajectory=recordings[i], start=start, stop=stop) for i, start, stop in windows]
-    rmse: list[list[float]] = [[] for _ in recordings]
+    rmse: list[list[np.ndarray]] = [[] for _ in recordings]
     for k, path in paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
-        rmse[windows[k][0]].append(_rmse(path.q[1:], stretches[k].q[1:]))
+        rmse[windows[k][0]].append(_mean_squares(path.q[1:], stretches[k].q[1:]))
     whole = predict(model, recordings, hold=dataset.hold, solver=solver)
     return tuple(
-        RecordingScore(
-            name=recording.name,
-            split=split,
-            samples=len(recording),
-            window_rmse=WindowScore(
-                horizon_s=HORIZON,
-                median=float(np.median(errors)) if errors else np.nan,
-                mean=float(np.mean(errors)) if errors else np.nan,
-            ),
-            rollout_rmse=_rmse(path.q[recording.initial_samples :], recording.q[recording.initial_samples :]),
-        )
-        for (split, recording), errors, path in zip(chosen, rmse, whole, strict=True)
+        _recording_score(split, recording, squares, path)
+        for (split, recording), squares, path in zip(chosen, rmse, whole, strict=True)
+    )
+
+
+def _recording_score(
+    split: str, recording: Trajectory, squares: Sequence[Float[np.ndarray, " n"]], path: Prediction
+) -> RecordingScore:
+    """Score of one recording, from the mean squared errors of its windows and its whole rollout."""
+    first, n = recording.initial_samples, recording.q.shape[1]
+    each = np.sqrt(np.asarray(squares).reshape(-1, n))
+    errors = np.sqrt(np.mean(np.square(each), axis=1))
+    known = len(errors) > 0
+    return RecordingScore(
+        name=recording.name,
+        split=split,
+        samples=len(recording),
+        window_rmse=WindowScore(
+            horizon_s=HORIZON,
+            median=float(np.median(errors)) if known else np.nan,
+            mean=float(np.mean(errors)) if known else np.nan,
+        ),
+        rollout_rmse=float(np.sqrt(np.mean(_mean_squares(path.q[first:], recording.q[first:])))),
+        coordinates=tuple(np.median(each, axis=0).tolist()) if known else (np.nan,) * n,
     )
 
 
@@ -293,8 +308,8 @@ def one_second_windows(recording: Trajectory) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(firsts[complete], stops[complete], strict=True) if b - a > 1]
 
 
-def _rmse(predicted: Float[np.ndarray, "T n"], measured: Float[np.ndarray, "T n"]) -> float:
-    """Root of the mean squared difference over samples and coordinates; infinite where a rollout diverged."""
+def _mean_squares(predicted: Float[np.ndarray, "T n"], measured: Float[np.ndarray, "T n"]) -> Float[np.ndarray, " n"]:
+    """Mean squared difference of every coordinate; infinite for all of them where a rollout diverged."""
     with np.errstate(over="ignore", invalid="ignore"):
-        rmse = float(np.sqrt(np.mean((predicted - measured) ** 2)))
-    return rmse if np.isfinite(rmse) else np.inf
+        squares = np.mean((predicted - measured) ** 2, axis=0)
+    return squares if np.isfinite(squares).all() else np.full_like(squares, np.inf)

@@ -79,6 +79,23 @@ class DataSummary:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TrainingSummary:
+    """How training went.
+
+    Attributes:
+        outcome: How it ended, in words.
+        completed: Whether every stage came to its end.
+        seconds: Time spent [s].
+        verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
+    """
+
+    outcome: str
+    completed: bool
+    seconds: float
+    verdicts: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunConfig:
     """Settings of a run, saved beside its model.
 
@@ -94,6 +111,7 @@ class RunConfig:
         training: Settings of training.
         data: Summary of the data.
         substeps: RK4 steps in a sampling interval that training settled on, once it has ended.
+        trained: How training went, once it has ended.
         versions: Versions of Python and of the packages that matter.
         commit: Commit of the package's sources, where they are in a git repository.
     """
@@ -109,6 +127,7 @@ class RunConfig:
     training: TrainingConfig
     data: DataSummary
     substeps: int = 1
+    trained: TrainingSummary | None = None
     versions: dict[str, str] = field(default_factory=_versions)
     commit: str | None = field(default_factory=_commit)
 
@@ -346,5 +365,8 @@ def train_run(
                 (folder / "config.json").unlink()  # Nothing was begun: the folder is free for corrected data.
                 folder.rmdir()
             raise
-        write_run(folder, dataclasses.replace(config, substeps=result.substeps))
+        trained = TrainingSummary(
+            outcome=result.outcome, completed=result.completed, seconds=result.seconds, verdicts=result.verdicts
+        )
+        write_run(folder, dataclasses.replace(config, substeps=result.substeps, trained=trained))
         return result

@@ -4,7 +4,7 @@ import dataclasses
 import math
 import warnings
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -23,12 +23,13 @@ from ._residuals import evaluate_loss, evaluate_residuals
 from ._scales import time_scale
 from ._weak_form import WeakForm
 
+LONGER: Final = (2, 4)
+"""Times as long as Levenberg-Marquardt's windows, the longer ones are."""
 _ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
 _LM_HORIZON = 2.0
 _BUMP_HORIZON = 1.0
 _SHORTEST = 3
 _FEWEST_STEPS = 8  # Under a bump, or the trapezoidal rule errs too much.
-_LONGER = (2, 4)  # Times as long as Levenberg-Marquardt's windows.
 _FEWEST = 20  # Of them, or they stay as they are.
 _MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
@@ -274,7 +275,7 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
         Windows twice and four times as long.
     """
     found = []
-    for factor in _LONGER if config.lm_horizon is None else ():
+    for factor in LONGER if config.lm_horizon is None else ():
         horizon = factor * (data.train.ts.shape[1] - 1)
         if 2 * horizon > _usual_steps(dataset.train, 2 * horizon):  # As of shorter ones, two or more fill a recording.
             break

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import equinox as eqx
@@ -48,6 +48,7 @@ class FitResult:
         seconds: Time spent [s], earlier runs included, but for the time that members took in these.
         substeps: RK4 steps in a sampling interval that its rollouts need, `rollout(..., solver=RK4(substeps))`.
         ensemble: Models that were trained like it, if any were asked for.
+        verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
     """
 
     model: AbstractDynamics
@@ -57,6 +58,7 @@ class FitResult:
     seconds: float
     substeps: int
     ensemble: Ensemble | None = None
+    verdicts: dict[str, str] = field(default_factory=dict)
 
 
 def ignore(progress: Progress) -> None:
@@ -129,7 +131,7 @@ def fit(
         counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
         watch = Stopwatch(max_minutes)
-        state, outcome = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
+        state, outcome, verdicts = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
         completed, ensemble = state.stage == len(stages), None
         if not completed:
             state = _rated(stages, state)
@@ -161,6 +163,7 @@ def fit(
         seconds=watch.seconds,
         substeps=state.substeps,
         ensemble=ensemble,
+        verdicts=verdicts,
     )
 
 

@@ -127,16 +127,18 @@ class LevenbergStage(AbstractStage):
                 stale=0 if better and falling else state.stale + 1,
             )
         ended, outcome = self._ended(state)
+        verdict = ""
         if ended:
-            state = self._concluded(state._replace(best=model, best_loss=judged) if self.learns else state)
-        return state, Report(step.after, validation, ended, outcome)
+            state = state._replace(best=model, best_loss=judged) if self.learns else state
+            state, verdict = self._concluded(state)
+        return state, Report(step.after, validation, ended, outcome, verdict)
 
     def settled(self, state: TrainingState) -> TrainingState:
         """With what comes of the priors as they are by now, if that is to be kept."""
         if not self.learns or not state.step:
             return state
         loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self._judged)
-        return self._concluded(state._replace(best=state.model, best_loss=loss))
+        return self._concluded(state._replace(best=state.model, best_loss=loss))[0]
 
     def rated(self, state: TrainingState) -> TrainingState:
         """The state of another stage with the loss that its best model has here, and integration as fine as it needs.
@@ -231,13 +233,16 @@ class LevenbergStage(AbstractStage):
         priors = priors if evident else priors._replace(evidence=record)
         return state._replace(memory=priors, stale=0 if evident or falling else state.stale + 1)
 
-    def _concluded(self, state: TrainingState) -> TrainingState:
-        """State at the end of the stage: with what came of it, or as it was before."""
+    def _concluded(self, state: TrainingState) -> tuple[TrainingState, str]:
+        """State at the end of the stage, with what came of it or as it was before; and the verdict in words."""
         if self.margin is None or self.data.validation is None:
-            return state
+            return state, ""
         objective = self.objective(state.substeps, state.weighing)
         gain = -self.data.compare(state.best, state.incumbent.model, objective)
-        return state if gain > self.margin else self._undone(state)
+        wanted = f"validation {gain:+.1f} standard errors, more than {self.margin:+.0f} wanted"
+        if gain > self.margin:
+            return state, f"kept ({wanted})"
+        return self._undone(state), f"not kept ({wanted})"
 
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""

@@ -16,7 +16,7 @@ from symoden.models import StructuredModel
 from ._adam import adam
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
-from ._data import Data, adam_data, levenberg_data, longer_data, name_short, name_thinned, regression_data
+from ._data import LONGER, Data, adam_data, levenberg_data, longer_data, name_short, name_thinned, regression_data
 from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
@@ -138,8 +138,8 @@ def _further(
         stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))
     if not grow:
         return stages
-    anew = functools.partial(whitened, name="longer windows", margin=-_CLEAR, learns=learns, widens=True)
-    stages.extend(anew(each, steps=learn if learns else grow) for each in longer)
+    anew = functools.partial(whitened, steps=learn if learns else grow, margin=-_CLEAR, learns=learns, widens=True)
+    stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
     longest = longer[-1] if longer else data
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))

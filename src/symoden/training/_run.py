@@ -30,6 +30,7 @@ class Progress(NamedTuple):
         loss: Training loss.
         validation: Validation loss; None without validation data.
         seconds: Time spent [s], earlier runs included.
+        verdict: At the end of a stage that has to gain something: whether it is kept, in words.
     """
 
     stage: str
@@ -38,6 +39,7 @@ class Progress(NamedTuple):
     loss: float
     validation: float | None
     seconds: float
+    verdict: str = ""
 
 
 class Stopwatch:
@@ -147,7 +149,7 @@ def run(
     resume: bool,
     watch: Stopwatch,
     progress: Callable[[Progress], None],
-) -> tuple[TrainingState, str]:
+) -> tuple[TrainingState, str, dict[str, str]]:
     """Go through the stages.
 
     Args:
@@ -159,7 +161,7 @@ def run(
         progress: Called after every stride.
 
     Returns:
-        The last state, and how it ended in words.
+        The last state, how it ended in words, and the verdict on every stage that had to gain something.
     """
     lines = []
     if resume:
@@ -171,7 +173,7 @@ def run(
         stage = stages[state.stage]
         state, report = stage.advance(state)
         seconds = watch.seconds
-        now = Progress(stage.name, state.step, stage.steps, report.loss, report.validation, seconds)
+        now = Progress(stage.name, state.step, stage.steps, report.loss, report.validation, seconds, report.verdict)
         lines.append({key: _json(value) for key, value in now._asdict().items()})
         outcome = report.outcome or outcome
         if report.finished:
@@ -181,8 +183,13 @@ def run(
             progress(now)
         if watch.is_over and state.stage < len(stages):
             left = stages[state.stage :]
-            return left[0].settled(state), watch.outcome([each.name for each in left])
-    return state, outcome
+            return left[0].settled(state), watch.outcome([each.name for each in left]), _verdicts(lines)
+    return state, outcome, _verdicts(lines)
+
+
+def _verdicts(lines: Sequence[dict]) -> dict[str, str]:
+    """Verdicts by the names of the stages."""
+    return {line["stage"]: line["verdict"] for line in lines if line.get("verdict")}
 
 
 def _next(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:

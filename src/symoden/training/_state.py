@@ -65,9 +65,12 @@ class Report(NamedTuple):
         validation: Validation loss; None without validation data.
         finished: Whether the stage is over.
         outcome: Why, in words; empty while it goes on.
+        verdict: Whether what came of it is kept, and by what, in words; empty while it goes on, and where nothing else
+            than the loss was asked.
     """
 
     loss: float
     validation: float | None
     finished: bool
     outcome: str = ""
+    verdict: str = ""
