@@ -80,8 +80,23 @@ def test_most_recordings_must_be_late(tmp_path, late, replaced):
 
 
 def test_one_late_joint_is_enough_where_the_other_is_told_well_too(tmp_path):
-    dataset = quietly(write(tmp_path, trains(*[(0.01, 0.0)] * 3)))
+    with pytest.warns(DataWarning, match="; `v2` with it, which the slopes tell as well"):
+        dataset = read_dataset(write(tmp_path, trains(*[(0.01, 0.0)] * 3)))
     np.testing.assert_allclose(dataset.train[0].rates, motion()[2], atol=5e-3)
+
+
+def test_logs_that_rest_most_of_the_time_are_asked_while_they_move(tmp_path):
+    recordings = trains(*[(0.01, 0.01)] * 3)
+    for name, (ts, q, v) in recordings.items():
+        rest = np.zeros((1200, 2))
+        stamps = ts[-1] + STEP * np.arange(1, 1201)
+        recordings[name] = (
+            np.concatenate([ts, stamps]),
+            np.concatenate([q, q[-1] + rest]) + 1e-6 * np.random.default_rng(0).normal(size=(2000, 2)),
+            np.concatenate([v, rest]) + 1e-4 * np.random.default_rng(1).normal(size=(2000, 2)),
+        )
+    dataset = quietly(write(tmp_path, recordings))
+    assert all(recording.noise_gain is not None for recording in dataset.train)
 
 
 def test_good_velocities_beside_noisy_positions_stay_though_another_is_late(tmp_path):

@@ -16,6 +16,7 @@ from ._velocities import estimate_velocities, velocity_noise_gain
 
 WORSE: Final = 3.0  # Times the estimate's own error by which a velocity must differ from it.
 _LEAST: Final = 1e-3  # The same relative to a typical velocity: what is less does no harm.
+_RESTS: Final = 0.1  # Of a typical velocity.
 _MOST_SAMPLES: Final = 8_192  # From the middle of a log: many begin and end at rest.
 _ORDERS: Final = 2**4 - 1  # Twice as wide a window has 2⁴ times the error, the estimate's being of order 4.
 _EXPLAINS: Final = 0.5  # Share of a difference's square that a delay must explain to be named.
@@ -29,8 +30,8 @@ class SlopeComparison:
         joint: Which coordinate.
         position: Name of the position's column.
         rate: Name of the velocity's column.
-        differs: Standard deviation of the difference.
-        error: What the slope itself would be off by: noise of the positions, and what smoothing takes away.
+        differs: Standard deviation of the difference while it moves.
+        error: What the slope itself would be off by then: noise of the positions, and what smoothing takes away.
         typical: Root mean square of the velocity.
         delay: By how much the velocity comes late [s], where that explains most of the difference; else 0.
     """
@@ -79,6 +80,7 @@ def compare_with_slopes(facts: Facts) -> tuple[SlopeComparison, ...]:
     except DataError:  # Too few samples, or too uneven ones.
         return ()
     differs = facts.v[rows][:, joints] - v
+    sizes = [deviation(off[_moving(each)]) for off, each in zip(differs.T, v.T, strict=True)]
     return tuple(
         SlopeComparison(
             joint=i,
@@ -89,7 +91,7 @@ def compare_with_slopes(facts: Facts) -> tuple[SlopeComparison, ...]:
             typical=facts.rates[i].rms,
             delay=_delay(ts, v[:, k], differs[:, k]),
         )
-        for k, (i, size) in enumerate(zip(joints, deviation(differs), strict=True))
+        for k, (i, size) in enumerate(zip(joints, sizes, strict=True))
     )
 
 
@@ -126,7 +128,13 @@ def _estimated(ts: Times, q: Positions, noise: np.ndarray) -> tuple[Rates, np.nd
     """Velocities from positions, and their errors: noise of the positions, and what smoothing takes away."""
     spans = choose_spans([ts], [q])
     v, smoother = (estimate_velocities(ts, q, name="", spans=factor * spans) for factor in (1, 2))
-    return v, np.hypot(velocity_noise_gain(ts, spans) * noise, deviation(smoother - v) / _ORDERS)
+    smoothed = [deviation(off[_moving(each)]) for off, each in zip((smoother - v).T, v.T, strict=True)]
+    return v, np.hypot(velocity_noise_gain(ts, spans) * noise, np.array(smoothed) / _ORDERS)
+
+
+def _moving(v: np.ndarray) -> np.ndarray:
+    """Samples of a velocity that is not at rest, or hardly: there nothing comes late."""
+    return np.abs(v) >= _RESTS * np.sqrt(np.mean(v**2))
 
 
 def _delay(ts: Times, v: np.ndarray, differs: np.ndarray) -> float:

@@ -42,7 +42,7 @@ def replace_late(
     late = {joint: every for joint, every in joints.items() if 2 * sum(one.is_late for one in every) > len(every)}
     if not late or _is_doubted(asked, joints) or not all(map(_is_better_estimated, joints.values())):
         return tuple(logs), tuple(examinations), None
-    said = _finding(late.values())
+    said = _finding(late.values(), [every[0].rate for joint, every in joints.items() if joint not in late])
     return (
         tuple(dataclasses.replace(log, rates=None) for log in logs),
         tuple(_without(said.kind, found) for found in examinations),
@@ -79,7 +79,7 @@ def _is_better_estimated(every: Sequence[SlopeComparison]) -> bool:
     return error <= max(differs / WORSE, _HARMLESS * typical)
 
 
-def _finding(late: Iterable[Sequence[SlopeComparison]]) -> Finding:
+def _finding(late: Iterable[Sequence[SlopeComparison]], others: Sequence[str]) -> Finding:
     """What was done, and why."""
     said = [
         f"`{every[0].rate}` comes {1000 * float(np.median([one.delay for one in every if one.is_late])):.2g} ms late"
@@ -87,10 +87,12 @@ def _finding(late: Iterable[Sequence[SlopeComparison]]) -> Finding:
         f"{max(one.error for one in every):.1g}"
         for every in late
     ]
+    names = ", ".join(f"`{name}`" for name in others)
+    beside = f"; {names} with {'them' if len(said) > 1 else 'it'}, which the slopes tell as well" if others else ""
     return Finding(
         kind="slope",
         level="note",
         channel="",
-        text=f"velocities are estimated from the positions, not taken from the log: {'; '.join(said)}",
+        text=f"velocities are estimated from the positions, not taken from the log: {'; '.join(said)}{beside}",
         advice="Nothing need be done. `trust_velocities = true` takes them as they were logged.",
     )
