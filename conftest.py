@@ -28,7 +28,7 @@ def _compilation_cache() -> Path | None:
     return cache if os.access(cache, os.W_OK) else None
 
 
-# Most programs here run once: compiling them takes most of the time, and a third of it so. JAX reads this when it begins.
+# Most programs here run once: compiling them takes most of the time, and so a third of it. JAX reads it when it begins.
 if "XLA_FLAGS" not in os.environ and importlib.metadata.version("jaxlib").startswith("0.10."):
     flags = {
         "xla_cpu_use_fusion_emitters": "false",

@@ -1,11 +1,15 @@
 """`symoden data check`: what it prints, what it draws, and that `train` says what it leaves out."""
 
 import json
+import warnings
 
 import numpy as np
 import pytest
 
 from symoden.cli import main
+from symoden.data import DataWarning
+
+from .conftest import write_untrained_run
 
 
 def damage(path, **columns):
@@ -118,3 +122,14 @@ def test_training_says_in_one_line_what_it_leaves_out_and_what_looks_wrong(descr
     assert suspicion.startswith(f"warning: `{described}`: perhaps wrong in `a`: the derivative of `q` is -")
     assert headline.startswith("training a dissipative model")
     assert error == "error: enough"
+
+
+def test_what_was_said_of_a_runs_own_data_is_not_said_again(described, tmp_path, capsys):
+    damage(described.parent / "a.csv", u=holes)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataWarning)
+        run = write_untrained_run(tmp_path / "run", described)
+    for words in (("evaluate", run), ("inspect", run), ("evaluate", run, described)):
+        capsys.readouterr()
+        assert main(list(map(str, words))) == 0
+        assert ("left out in `a`" in capsys.readouterr().err) == (words[-1] == described)

@@ -100,6 +100,13 @@ def test_a_step_that_leaves_too_few_or_too_many_samples_is_refused(dt):
         resample(recording(np.linspace(0, 1, 11), np.zeros(11)), dt)
 
 
+def test_a_step_far_shorter_than_the_samples_is_a_wrong_unit_of_time():
+    milliseconds = recording(4.0 * np.arange(100), np.zeros(100))
+    with pytest.raises(DataError, match=r"`run`: `resample` must not be far .* got 0.01 s where they are 4 s\. .* ms"):
+        resample(milliseconds, 0.01)
+    assert len(resample(milliseconds, 0.1).ts) == 3961
+
+
 def test_a_step_that_is_not_positive_is_refused():
     with pytest.raises(ValueError, match="`dt` must be positive"):
         resample(recording(np.linspace(0, 1, 11), np.zeros(11)), 0.0)

@@ -114,12 +114,12 @@ def _print_findings(check: DatasetCheck) -> None:
     groups = list(_grouped(check))
     if not any(finding.level != "note" for finding, _ in groups):
         print("nothing looks wrong" + ("; worth knowing:" if groups else ""))
-    for level in _LEVELS:
-        for finding, names in groups:
-            if finding.level == level:
-                print(f"- {level}{_where(names)}: {finding.text}{'' if finding.text.endswith(('.', '?')) else '.'}")
-                if finding.advice:
-                    print(f"  {finding.advice}")
+    ordered = [pair for level in _LEVELS for pair in groups if pair[0].level == level]
+    for k, (finding, names) in enumerate(ordered):
+        print(f"- {finding.level}{_where(names)}: {finding.text}{'' if finding.text.endswith(('.', '?')) else '.'}")
+        repeated = k + 1 < len(ordered) and ordered[k + 1][0].advice == finding.advice
+        if finding.advice and not repeated:  # What follows has the same: it is said after that.
+            print(f"  {finding.advice}")
 
 
 def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, list[str]]]:

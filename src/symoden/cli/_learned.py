@@ -29,6 +29,7 @@ from symoden.spaces import Space
 from symoden.training import AbstractPosterior, hold_out
 
 from ._progress import show_work
+from ._warnings import said_before
 
 ROWS = 5  # Of a table.
 MOST_DRAWN = 8  # Recordings in one figure.
@@ -68,7 +69,8 @@ class Learned:
         config, model = read_run(run), read_model(run)
         source, posterior, missing = None, None, ""
         try:
-            source = read_run_source(config)
+            with said_before():
+                source = read_run_source(config)
         except ValueError as error:
             missing = " ".join(str(error).split())
         uncertain = f"the run's data cannot be read: {missing}"

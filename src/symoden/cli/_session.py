@@ -16,7 +16,7 @@ _TRIED: Final = "0.10."  # Of jaxlib, which ends the process where it does not k
 
 
 def configure() -> None:
-    """Compute in double precision; compile fast, and keep compiled programs in the user's cache for the next command."""
+    """Compute in double precision, compile fast, and keep programs in the user's cache for the next command."""
     flags = os.environ.get("XLA_FLAGS", "")
     if _EMITTERS not in flags and version("jaxlib").startswith(_TRIED):
         os.environ["XLA_FLAGS"] = f"{flags} --{_EMITTERS}=false".strip()

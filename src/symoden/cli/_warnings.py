@@ -35,3 +35,15 @@ def warnings_as_lines() -> Iterator[None]:
 
         warnings.showwarning = show
         yield
+
+
+@contextlib.contextmanager
+def said_before() -> Iterator[None]:
+    """Print no `DataWarning` while the context lasts: of a run's own data `train` and `data check` say everything.
+
+    Yields:
+        Nothing.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataWarning)
+        yield

@@ -192,7 +192,7 @@ def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mappin
         if not is_named(column, selectors):
             raise DataError(
                 f"`{path}`: `{key}` must name columns that are read; got `{column}`.{nearest(column, read)} "
-                f"These are {listing(read)}."
+                f"These are {listing(read)}. Spell both as the files do."
             )
 
 

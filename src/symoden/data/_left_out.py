@@ -12,6 +12,8 @@ from ._logs import Log
 from ._masking import Mask
 from ._tables import cut_row, short_rows
 
+_ESTIMATED = " Velocities can be left out: they are then estimated from the positions."
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Short:
@@ -62,8 +64,8 @@ def find_absent(log: Log) -> list[Finding]:
                     channel=name,
                     text=f"`{name}` lacks {len(rows)} of {len(log)} numbers, in {len(runs)} stretch"
                     f"{'es' if len(runs) > 1 else ''}, first at {log.place(int(rows[0]))}",
-                    advice="These rows are left out; where that leaves a gap, the recording is split. To keep rows "
-                    "that lack nothing else, leave the column out.",
+                    advice="These rows are left out; where that leaves a gap, the recording is split."
+                    + (_ESTIMATED if role == "rates" else ""),
                     spans=tuple(_time_of(log, int(first), int(last)) for first, last in runs),
                 )
             )

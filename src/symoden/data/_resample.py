@@ -11,6 +11,7 @@ from ._trajectory import Trajectory
 from ._velocities import averaged_noise_gain
 
 _MOST_SAMPLES = 50_000_000
+_FINEST = 50  # Samples between two of the recording: more tell nothing, and time stamps are in another unit.
 
 
 def resample(trajectory: Trajectory, dt: float, *, hold: Literal["zero", "linear"] = "zero") -> Trajectory:
@@ -32,7 +33,7 @@ def resample(trajectory: Trajectory, dt: float, *, hold: Literal["zero", "linear
 
     Raises:
         ValueError: If `dt` is not positive.
-        DataError: If the recording is shorter than a step, or would have too many samples.
+        DataError: If the recording is shorter than a step, or would have too many samples, or far more than it had.
     """
     if not dt > 0:
         raise ValueError(f"`dt` must be positive; got {dt}.")
@@ -43,8 +44,14 @@ def resample(trajectory: Trajectory, dt: float, *, hold: Literal["zero", "linear
             f"`{trajectory.name}`: `resample` must give 2 to {_MOST_SAMPLES} samples; got a step of {dt} s for a "
             f"recording of {elapsed[-1]:.6g} s."
         )
+    usual = float(np.median(np.diff(ts)))
+    if dt * _FINEST < usual:
+        raise DataError(
+            f"`{trajectory.name}`: `resample` must not be far shorter than the recording's own steps; got {dt:g} s "
+            f"where they are {usual:.4g} s. Are its time stamps in ms or us? `units` says so, by their column's name."
+        )
     grid = dt * np.arange(int(steps) + 1)
-    width = dt if dt > np.median(np.diff(ts)) * (1 + 1e-6) else 0.0
+    width = dt if dt > usual * (1 + 1e-6) else 0.0
     average_held = hold == "zero"
     us = (
         held_mean(elapsed, trajectory.us, grid, dt)
