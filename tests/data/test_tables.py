@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from symoden.data import DataError
 from symoden.data._readers import read_rows
-from symoden.data._tables import cut_row
+from symoden.data._tables import cut_row, place, short_rows
 
 ALL = slice(0, None)
 
@@ -46,6 +46,34 @@ def test_every_usual_way_to_write_a_table_is_understood(tmp_path, name, text):
     np.testing.assert_array_equal(found.signals["positions"][:, 0], [1.5, 2.5])
     assert found.signals["inputs"].shape == (2, 0)
     assert found.names == {"time": ("t",), "positions": ("q",), "inputs": ()}
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ", "   "])
+@pytest.mark.parametrize("before", ["", "# a logger\n\n% of 2026, as it seems\n", "\n\n"])
+@pytest.mark.parametrize("head", ["names", "names and units", "comment", "none"])
+def test_rows_begin_after_comments_names_and_units(tmp_path, separator, before, head):
+    names, units, rows = (
+        [separator.join(row) for row in table]
+        for table in ([("t", "q1", "u")], [("s", "rad", "N m" if separator == ";" else "Nm")], [("0", "1.5", "-2")] * 3)
+    )
+    heads = {"names": names, "names and units": names + units, "comment": [f"# {names[0]}"], "none": []}[head]
+    path = written(tmp_path / "run.txt", before + "\n".join([*heads, *rows]) + "\n")
+    chosen = ("1", "2", "3") if head == "none" else ("t", "q1", "u")
+    np.testing.assert_array_equal(read_rows(path, {"x": chosen}, ALL).signals["x"], [[0, 1.5, -2]] * 3)
+    first = path.read_text().splitlines().index(rows[0]) + 1
+    assert place(path, 2) == f"line {first + 2} (row 2)"
+    assert cut_row(path) is None
+    path.write_text(path.read_text() + f"9{separator}")
+    assert cut_row(path) == 3
+    assert short_rows(path) == (3, {3: 1 if separator.isspace() else 2})
+
+
+def test_columns_without_names_have_numbers(tmp_path):
+    path = written(tmp_path / "run.dat", "0 1\n1 2\n")
+    with pytest.raises(
+        DataError, match=r"no column `q`; found `1, 2`\. .* No line names the columns: their numbers do"
+    ):
+        read_rows(path, {"x": ("q",)}, ALL)
 
 
 def test_parquet_is_read_by_column(tmp_path):
@@ -178,7 +206,7 @@ def test_a_file_that_unpacks_without_end_is_refused(tmp_path, monkeypatch):
 
 
 def test_an_unknown_ending_is_refused(tmp_path):
-    with pytest.raises(DataError, match=r"run.yml`: the name must end in one of `\.csv, \.csv\.gz, \.parquet"):
+    with pytest.raises(DataError, match=r"run.yml`: the name must end in one of `\.csv, \.txt, .*\.parquet"):
         read_rows(written(tmp_path / "run.yml", "a: 1"), {"x": ("a",)}, ALL)
 
 

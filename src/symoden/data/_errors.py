@@ -30,24 +30,6 @@ def listing(names: Iterable[str]) -> str:
     return f"`{first_few(every, _SHOWN)}{more}`" if every else "nothing"
 
 
-def place(path: Path, row: int) -> str:
-    """Where a row of a file is: in text files also the line, counted from 1, the header counted.
-
-    Args:
-        path: The file.
-        row: The row, counted from 0.
-
-    Returns:
-        The words.
-    """
-    return f"line {row + 2} (row {row})" if is_text(path) else f"row {row}"
-
-
-def is_text(path: Path) -> bool:
-    """Whether a file's name says that it is a table of text."""
-    return path.name.lower().removesuffix(".gz").endswith(".csv")
-
-
 def nearest(name: str, known: Iterable[str]) -> str:
     """Question for the name that was probably meant, or nothing."""
     by_lower = {candidate.lower(): candidate for candidate in known}

@@ -5,12 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ._errors import is_text
 from ._findings import SHOWN_SPANS, Finding
 from ._limits import LARGEST_NUMBER
 from ._logs import Log
 from ._masking import Mask
-from ._tables import cut_row, short_rows
+from ._tables import cut_row, is_text, short_rows
 
 _ESTIMATED = " Velocities can be left out: they are then estimated from the positions."
 

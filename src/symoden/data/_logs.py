@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from ._description import Description, Part
-from ._errors import DataError, place
+from ._errors import DataError
 from ._files import find_files
 from ._limits import LARGEST_NUMBER
 from ._readers import Rows, read_rows, suffix_of
+from ._tables import place
 from ._units import in_si, of_column
 
 

@@ -12,13 +12,12 @@ import polars as pl
 from ._arrays import read_hdf5, read_mat, read_npz
 from ._errors import DataError, listing
 from ._shapes import Signals
-from ._tables import numbers, read_csv, read_parquet
+from ._tables import TEXTS, numbers, read_csv, read_parquet
 
 Selector: TypeAlias = str | tuple[str, ...]  # a 2-D variable (in a table: a column), or a column each
 
 _TABLES: Final[dict[str, Callable[[Path], pl.DataFrame]]] = {
-    ".csv": read_csv,
-    ".csv.gz": read_csv,
+    **{ending + packed: read_csv for packed in ("", ".gz") for ending in TEXTS},
     ".parquet": read_parquet,
 }
 _ARRAYS: Final[dict[str, Callable[[Path, Collection[str]], Mapping[str, np.ndarray]]]] = {

@@ -1,26 +1,55 @@
-"""Reading tables: CSV, also compressed, and Parquet."""
+"""Reading tables: text, also compressed, and Parquet."""
 
 import csv
 import gzip
 import math
 import re
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from io import BufferedReader
 from pathlib import Path
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
 
-from ._errors import COPY, DataError, missing, place
+from ._errors import COPY, DataError, missing
 from ._limits import LARGEST, refuse_large
 
+TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
+"""Endings of the names of tables of text, `.gz` apart."""
+_COMMENTS: Final = ("#", "%")
+_BEGINNING: Final = 2**20  # Bytes in which the rows of a table begin.
 _NOTHING = ("", "na", "n/a", "null", "none")  # what tables write where a sample is missing; NaN is a number
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
+class Layout(NamedTuple):
+    """Where the rows of a table of text begin, and what its columns are called.
+
+    Attributes:
+        names: Of the columns; where no line names them, their numbers from 1 on.
+        separator: What separates cells; a blank stands for any number of them.
+        line: Line of the first row, counted from 1.
+        start: Where that line begins in the text.
+    """
+
+    names: tuple[str, ...]
+    separator: str
+    line: int
+    start: int
+
+    def count(self, line: str) -> int:
+        """Number of cells of a line."""
+        return len(line.split()) if self.separator == " " else line.count(self.separator) + 1
+
+
 def read_csv(path: Path) -> pl.DataFrame:
-    """Read a table of text, its first line naming the columns; separated by commas, semicolons or tabs.
+    """Read a table of text, separated by commas, semicolons, tabs or blanks.
+
+    A line of names comes first. Comments before it (`#`, `%`) and a line of units after it are left out; the last
+    comment names the columns where no other line does, as NumPy writes it.
 
     Args:
         path: File; its name ends in `.gz` if it is compressed.
@@ -36,13 +65,13 @@ def read_csv(path: Path) -> pl.DataFrame:
     except (*_BROKEN_GZIP, UnicodeDecodeError) as error:
         reason = f"{error}. {'Save it as one.' if isinstance(error, UnicodeDecodeError) else COPY}"
         raise DataError(f"`{path}`: must be a complete CSV file in UTF-8; reading stopped at: {reason}") from error
-    header, _, body = text.strip().partition("\n")
-    if not header:
+    if not text.strip():
         raise DataError(f"`{path}`: is empty; it must have a line of column names and a line for each sample.")
-    separator = _separator(header)
-    cells = next(csv.reader([header.removeprefix("#").strip()], delimiter=separator, skipinitialspace=True))
-    names = [cell.strip() for cell in cells]
-    if _is_cut(text, header):  # Its numbers may be cut as well.
+    layout = find_layout(text)
+    names, separator, body = layout.names, layout.separator, text[layout.start :].rstrip()
+    if separator == " ":
+        separator, body = "\t", "\n".join("\t".join(line.split()) for line in body.split("\n"))
+    if body and _is_cut(text, layout):  # Its numbers may be cut as well.
         body = body[: body.rfind("\n") + 1] + separator * (len(names) - 1)
     schema = {str(i): pl.String for i in range(len(names))}
     if not body:
@@ -58,6 +87,57 @@ def read_csv(path: Path) -> pl.DataFrame:
     return frame.rename(_unique(names))
 
 
+def find_layout(text: str) -> Layout:
+    """Find out where the rows of a table begin, and what its columns are called.
+
+    Args:
+        text: The table, or its beginning.
+
+    Returns:
+        Its layout.
+    """
+    comment, (line, start, first) = "", (text.rstrip().count("\n") + 2, len(text), "")
+    for each in _lines(text):
+        if not each[2].startswith(_COMMENTS):
+            line, start, first = each
+            break
+        comment = each[2].lstrip("".join(_COMMENTS)).strip()
+    begin = _after(text, start)
+    below = next(_lines(text, begin), (0, begin, ""))
+    separator = _separator(first or comment, below[2])
+    named, cells = _cells(comment, separator), _cells(first, separator)
+    if not first:  # Comments alone.
+        return Layout(tuple(named), separator, line, start)
+    if _is_row(cells):
+        names = named if comment and len(named) == len(cells) else [str(i + 1) for i in range(len(cells))]
+        return Layout(tuple(names), separator, line, start)
+    if _is_units(_cells(below[2], separator), len(cells)):
+        return Layout(tuple(cells), separator, line + below[0] + 1, _after(text, below[1]))
+    return Layout(tuple(cells), separator, line + 1, begin)
+
+
+def place(path: Path, row: int) -> str:
+    """Where a row of a file is: in text files also the line, counted from 1, all lines counted.
+
+    Args:
+        path: The file.
+        row: The row, counted from 0.
+
+    Returns:
+        The words.
+    """
+    if not is_text(path):
+        return f"row {row}"
+    with _opened(path) as file:
+        beginning = file.read(_BEGINNING).decode("utf-8-sig", errors="ignore")
+    return f"line {find_layout(beginning).line + row} (row {row})"
+
+
+def is_text(path: Path) -> bool:
+    """Whether a file's name says that it is a table of text."""
+    return path.name.lower().removesuffix(".gz").endswith(TEXTS)
+
+
 def cut_row(path: Path) -> int | None:
     """Row of the last line of a table of text, if the file ends in the middle of it.
 
@@ -68,23 +148,23 @@ def cut_row(path: Path) -> int | None:
         The row, counted from 0; nothing if the last line is whole.
     """
     text = _text(path)
-    header, _, body = text.strip().partition("\n")
-    return body.count("\n") if _is_cut(text, header) else None
+    layout = find_layout(text)
+    return text[layout.start :].rstrip().count("\n") if _is_cut(text, layout) else None
 
 
 def short_rows(path: Path) -> tuple[int, Mapping[int, int]]:
-    """Find lines of a table of text with fewer cells than the first line names; empty ones do not count.
+    """Find lines of a table of text with fewer cells than there are columns; empty ones do not count.
 
     Args:
         path: File that `read_csv` reads.
 
     Returns:
-        The number of cells that the first line names, and how many each such row has, counted from 0.
+        The number of columns, and how many cells each such row has, counted from 0.
     """
-    header, _, body = _text(path).strip().partition("\n")
-    separator = _separator(header)
-    named = header.count(separator) + 1
-    cells = {row: line.count(separator) + 1 for row, line in enumerate(body.split("\n")) if line.strip()}
+    text = _text(path)
+    layout = find_layout(text)
+    named, body = len(layout.names), text[layout.start :].rstrip()
+    cells = {row: layout.count(line) for row, line in enumerate(body.split("\n")) if line.strip()}
     return named, {row: count for row, count in cells.items() if count < named}
 
 
@@ -93,16 +173,62 @@ def _text(path: Path) -> str:
     return _contents(path).decode("utf-8-sig")
 
 
-def _is_cut(text: str, header: str) -> bool:
-    """Whether a table ends in the middle of a line: without its end, and with fewer cells than the first line."""
-    separator = _separator(header)
+def _lines(text: str, start: int = 0) -> Iterator[tuple[int, int, str]]:
+    """Lines that are not empty from one's beginning on: their numbers, where they begin, and what they say."""
+    number = 1
+    while start < len(text):
+        after = _after(text, start)
+        if line := text[start:after].strip():
+            yield number, start, line
+        number, start = number + 1, after
+
+
+def _after(text: str, start: int) -> int:
+    """Where the line after the one at a place begins."""
+    end = text.find("\n", start)
+    return len(text) if end < 0 else end + 1
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """Cells of a line."""
+    if separator == " ":
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell is a number."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_row(cells: Sequence[str]) -> bool:
+    """Whether a line is one of numbers, for the most part."""
+    said = [cell for cell in cells if cell.lower() not in _NOTHING]
+    return 2 * sum(map(_is_number, said)) >= max(1, len(said))
+
+
+def _is_units(cells: Sequence[str], columns: int) -> bool:
+    """Whether a line under that of the names has one word for each of them, and no number."""
+    said = [cell for cell in cells if cell]
+    return bool(said) and len(cells) == columns and not any(_is_number(c) or c.lower() in _NOTHING for c in said)
+
+
+def _is_cut(text: str, layout: Layout) -> bool:
+    """Whether a table ends in the middle of a line: without its end, and with fewer cells than there are columns."""
     _, end, last = text.rpartition("\n")
-    return bool(end and last.strip()) and last.count(separator) < header.count(separator)
+    return bool(end and last.strip()) and layout.count(last) < len(layout.names)
 
 
-def _separator(header: str) -> str:
-    """What separates the cells of a table."""
-    return max(",;\t", key=header.count)
+def _separator(line: str, after: str) -> str:
+    """What separates the cells of a table; blanks alone where lines agree on their number."""
+    found = max(",;\t", key=line.count)
+    words = len(line.split())
+    agree = words > 1 and (words == len(after.split()) or _is_row(line.split()))
+    return " " if not line.count(found) and agree else found
 
 
 def read_parquet(path: Path) -> pl.DataFrame:
@@ -141,7 +267,9 @@ def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np
         DataError: If the column is absent or twice there, or a cell is no number.
     """
     if name not in frame.columns:
-        raise DataError(missing(path, name, frame.columns))
+        numbered = frame.columns == [str(i + 1) for i in range(frame.width)]
+        hint = " No line names the columns: their numbers do, from 1 on." if numbered else ""
+        raise DataError(missing(path, name, frame.columns) + hint)
     if f"{name} (again)" in frame.columns:
         raise DataError(f"`{path}`: column `{name}` must be there once; got it twice. Rename one of them.")
     column = frame[name]
@@ -168,9 +296,14 @@ def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first
         raise DataError(f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}")
 
 
+def _opened(path: Path) -> gzip.GzipFile | BufferedReader:
+    """A file's bytes, decompressed."""
+    return gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb")
+
+
 def _contents(path: Path) -> bytes:
     """Bytes of a file, decompressed, up to the limit."""
-    with gzip.open(path, "rb") if path.suffix.lower() == ".gz" else path.open("rb") as file:
+    with _opened(path) as file:
         contents = file.read(LARGEST + 1)
     refuse_large(path, len(contents), "the file")
     return contents
