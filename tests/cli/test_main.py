@@ -1,12 +1,13 @@
 """The front of the command line: help without JAX, one message for each error, exit statuses."""
 
+import os
 import subprocess
 import sys
 
 import pytest
 
 import symoden
-from symoden.cli import main
+from symoden.cli import _session, main
 from symoden.experiments import TASKS
 from symoden.models import KINDS
 from symoden.storage import StorageError
@@ -149,3 +150,19 @@ def test_an_interrupted_training_says_how_to_continue(monkeypatch, capsys):
     failing(monkeypatch, "inspect", KeyboardInterrupt())
     assert main(["inspect", "runs/a"]) == 130
     assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.parametrize(
+    ("given", "jaxlib", "left"),
+    [
+        ("", "0.10.2", "--xla_cpu_use_fusion_emitters=false"),
+        ("--xla_dump_to=d", "0.10.0", "--xla_dump_to=d --xla_cpu_use_fusion_emitters=false"),
+        ("--xla_cpu_use_fusion_emitters=true", "0.10.2", "--xla_cpu_use_fusion_emitters=true"),
+        ("", "0.11.0", ""),  # A flag that it does not know would end the process.
+    ],
+)
+def test_programs_compile_fast_where_that_was_tried_and_the_user_says_nothing_else(monkeypatch, given, jaxlib, left):
+    monkeypatch.setenv("XLA_FLAGS", given)
+    monkeypatch.setattr(_session, "version", {"jaxlib": jaxlib}.__getitem__)
+    _session.configure()
+    assert os.environ["XLA_FLAGS"] == left

@@ -72,7 +72,7 @@ def test_nine_samples_a_period_are_enough():
         Trajectory(name=f"{a}", ts=ts, q=a * np.sin(ts)[:, None], rates=a * np.cos(ts)[:, None], us=np.zeros((60, 0)))
         for a in (0.5, 1.0, 1.5, 2.0)
     ]
-    config = TrainingConfig(adam_steps=200, restarts=1, lm_steps=6, growth_steps=0, relevance_steps=0)
+    config = TrainingConfig(adam_steps=200, restarts=1, lm_steps=12, growth_steps=0, relevance_steps=0)
     result = fit(Dataset(name="spring", space="R1", train=tuple(swings)), config=config)
     assert result.loss < 1e-4
 
