@@ -116,6 +116,22 @@ def test_good_velocities_beside_a_stuck_position_stay_though_another_is_late(tmp
     np.testing.assert_array_equal(dataset.train[0].rates, motion(delay=(0.01, 0.0))[2])
 
 
+def test_what_late_velocities_lack_costs_no_rows(tmp_path):
+    recordings = trains(*[(0.01, 0.01)] * 3)
+    for _, _, v in recordings.values():
+        v[100:110, 0] = np.nan
+        v[500, 1] = 1e3
+    path = write(tmp_path, recordings)
+    with pytest.warns(DataWarning) as said:
+        dataset = read_dataset(path)
+    assert [(each.name, len(each)) for each in dataset.train] == [(f"train{k}", 800) for k in range(3)]
+    assert not [one for one in said if "left out" in str(one.message)]
+    check = check_dataset(path)
+    assert not [one for each in check.recordings for one in each.findings if one.level == "masked"]
+    assert [each.recordings for each in check.recordings] == [1] * 4
+    assert all(each.log.rates is not None for each in check.recordings)
+
+
 def test_velocities_that_are_trusted_stay_without_a_warning(tmp_path):
     path = write(tmp_path, trains(*[(0.01, 0.01)] * 3), more="trust_velocities = true")
     np.testing.assert_array_equal(read_dataset(path).train[0].rates, motion(delay=(0.01, 0.01))[2])

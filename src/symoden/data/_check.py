@@ -103,10 +103,12 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         for log, chosen in zip(logs, masks, strict=True)
     ]
     used, examinations, replaced = replace_late(logs, examinations, description)
+    if replaced:  # What velocities lacked is lacking no more.
+        masks = [_mask(log, description, is_angle) for log in used]
     made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     checks = tuple(
-        _check(log, recordings, outcome, examination)
-        for log, (recordings, outcome), examination in zip(logs, made, examinations, strict=True)
+        dataclasses.replace(_check(log, recordings, outcome, examination), log=logged)
+        for logged, log, (recordings, outcome), examination in zip(logs, used, made, examinations, strict=True)
     )
     checks = tuple(_advised(check, checks) for check in checks)
     checks = tuple(
@@ -162,7 +164,7 @@ def _refusal(error: DataError) -> Finding:
 def _check(
     log: Log, recordings: tuple[Trajectory, ...], outcome: Mask | DataError, examination: Examination
 ) -> RecordingCheck:
-    """Everything on one log."""
+    """Everything on one log, as far as it is used."""
     known = log.ts[np.isfinite(log.ts)]
     steps = np.diff(known) if len(known) > 1 else np.zeros(1)
     late = _out_of_order(log)

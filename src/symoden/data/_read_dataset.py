@@ -54,9 +54,11 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     masks = [rows_to_use(log, description, is_angle) for log in logs]
     examinations = [examine(log, description, is_angle, chosen.spikes) for log, chosen in zip(logs, masks, strict=True)]
     used, examinations, replaced = replace_late(logs, examinations, description)
+    if replaced:  # What velocities lacked is lacking no more.
+        masks = [rows_to_use(log, description, is_angle) for log in used]
     recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     dataset = assemble(path, description, used, recordings)
-    _warn_of_masks(path, logs, masks)
+    _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
     return dataset
 
