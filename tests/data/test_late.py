@@ -145,6 +145,23 @@ def test_a_wrong_unit_is_the_users_to_mend_first(tmp_path):
     np.testing.assert_array_equal(dataset.train[0].rates, late[2])
 
 
+@pytest.mark.parametrize("factor", [-1.0, 180 / np.pi])
+def test_a_wrong_sign_or_unit_beside_a_late_velocity_is_mended_first(tmp_path, factor):
+    recordings = trains(*[(0.01, 0.0)] * 3)
+    for _, _, v in recordings.values():
+        v[:, 1] *= factor
+    dataset = quietly(write(tmp_path, recordings))
+    np.testing.assert_array_equal(dataset.train[0].rates, recordings["train0"][2])
+
+
+def test_where_nothing_is_trained_on_the_test_decides(tmp_path):
+    path = write(tmp_path, {}, test=motion(delay=(0.01, 0.01)))
+    text = path.read_text()
+    path.write_text(text[: text.index("[train]")] + text[text.index("[test]") :])
+    (recording,) = quietly(path).test
+    assert recording.noise_gain is not None
+
+
 def test_the_check_says_once_what_training_does(tmp_path):
     check = check_dataset(write(tmp_path, trains(*[(0.01, 0.01)] * 3)))
     (finding,) = (one for one in check.findings if one.kind == "slope")
