@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from symoden.blocks import Known, KnownValue
 from symoden.data import Dataset, Trajectory
 from symoden.experiments import Ranges, _bands, calibrate_bands, certainty, inspect_model, score_bands, simulate, task
 from symoden.integrate import RK4
@@ -101,6 +102,31 @@ def test_members_that_differ_in_the_gauge_alone_differ_in_nothing(learned, full)
     assert (band.members, band.tried, band.effective) == (3, 3, None)
     uneven = dataclasses.replace(ensemble, restore=in_units(spoilt))
     assert certainty(uneven, found).relative["D"] > 0.1
+
+
+def test_what_inputs_alone_tell_is_a_common_factor(learned):
+    model, dataset = learned
+    anchored = eqx.tree_at(lambda one: one.actuation, model, KnownValue(Known(jnp.ones((1, 1)))))
+
+    def stronger(model, factor):
+        return eqx.tree_at(lambda one: one.actuation, rescale(model, factor), anchored.actuation)
+
+    units = np.array([[0.98], [1.01], [1.02]])
+    for change, common, apart in ((stronger, 0.0173, 0.0), (spoilt, 0.0, 0.0173)):
+        ensemble = Ensemble(
+            restore=lambda theta, change=change: change(anchored, float(theta[0])),
+            theta=np.ones(1),
+            windows=10,
+            members=units,
+            tried=3,
+            corrections=0,
+        )
+        band = certainty(ensemble, inspect_model(anchored, Ranges.of(dataset.train)))
+        wide = ensemble.quantile(0.9)
+        assert (band.common_factor or 0.0) == pytest.approx(wide * common, rel=0.03)
+        assert band.relative["D"] == pytest.approx(wide * 0.0173, rel=0.03)
+        left = band.apart or band.relative
+        assert left["D"] == pytest.approx(wide * apart, abs=1e-3)
 
 
 def spoilt(model, factor):

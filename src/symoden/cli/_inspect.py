@@ -53,6 +53,8 @@ def _certainty_as_json(found: Certainty | None, missing: str) -> dict[str, objec
     names = (
         "level",
         "relative",
+        "common_factor",
+        "apart",
         "undetermined",
         "identified",
         "effective",

@@ -10,6 +10,7 @@ from symoden.experiments import Audit, BandScore, Certainty, RunConfig
 from ._output import number
 
 _NONE: Final = 1e-6  # Relative width of a band that is none.
+_MOSTLY: Final = 0.7  # Half of the variance.
 
 
 def training_words(config: RunConfig) -> Iterator[str]:
@@ -64,8 +65,21 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
     yield "typical: " + ", ".join(
         f"{name} ± {100 * value:.2g}%" for name, value in certain.relative.items() if value > _NONE
     )
+    if certain.common_factor is not None and _is_common(certain):
+        yield (
+            f"mostly a common factor of M, V and D, which inputs tell: ± {100 * certain.common_factor:.2g}%; were it "
+            "known, " + ", ".join(f"{name} ± {100 * value:.2g}%" for name, value in certain.apart.items())
+        )
     if certain.undetermined:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
+
+
+def _is_common(certain: Certainty) -> bool:
+    """Whether most of what is uncertain of M and V is a common factor."""
+    known = [
+        certain.apart[name] / width for name, width in certain.relative.items() if name in ("M", "V") and width > _NONE
+    ]
+    return bool(known) and max(known) < _MOSTLY
 
 
 def ensemble_words(members: int, tried: int) -> str:

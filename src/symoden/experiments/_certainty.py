@@ -34,6 +34,10 @@ class Certainty:
         identified: Half widths of the parameters of given formulas.
         relative: For M, V, g and D the half width over the size of the block (its root mean square over the profiles),
             in the median along the profiles.
+        common_factor: Relative half width of the common factor of M, V and D (that of the mean of log det M); none
+            where nothing fixes it, or M is given.
+        apart: As `relative` of M, V and D where that factor were known: what differs from `relative` is known of
+            their ratios alone.
         undetermined: Entries of blocks whose band is wider than what is learned is large, everywhere.
         parameters: Number of parameters that training set free.
         windows: Number of windows of training data.
@@ -47,6 +51,8 @@ class Certainty:
     friction: tuple[FrictionProfile, ...]
     identified: dict[str, float]
     relative: dict[str, float]
+    common_factor: float | None
+    apart: dict[str, float]
     undetermined: tuple[str, ...]
     parameters: int
     windows: int
@@ -99,7 +105,7 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
             factor = jnp.exp(size - log_size(model))
             along = [_scaled(blocks, factor) for blocks in along]
             forces = [factor * force for force in forces]
-        return along, forces, named
+        return along, forces, named, jnp.zeros(()) if free else log_size(model)
 
     def log_size(model: StructuredModel) -> Scalar:
         masses = jnp.concatenate([_blocks(model, *states).mass for states in profile_states])
@@ -110,17 +116,27 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
     rows = posterior.project(
         lambda model: jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(everything(model))])
     )
-    half = posterior.quantile(LEVEL) * np.linalg.norm(rows, axis=1)
-    ends = np.cumsum([leaf.size for leaf in values])[:-1]
-    widths = [part.reshape(leaf.shape) for part, leaf in zip(np.split(half, ends), values, strict=True)]
     learned: tuple = jax.tree.unflatten(structure, [np.asarray(leaf) for leaf in values])
-    found: tuple = jax.tree.unflatten(structure, widths)
+
+    def widths(rows: np.ndarray) -> tuple:
+        half = posterior.quantile(LEVEL) * np.linalg.norm(rows, axis=1)
+        ends = np.cumsum([leaf.size for leaf in values])[:-1]
+        parts = [part.reshape(leaf.shape) for part, leaf in zip(np.split(half, ends), values, strict=True)]
+        return jax.tree.unflatten(structure, parts)
+
+    found = widths(rows)
+    common = float(found[-1])
+    # What is left where the common factor, whose logarithm is the last quantity, is held fixed.
+    flat = np.concatenate([np.ravel(leaf) for leaf in values])
+    apart = _relative(learned[0], widths(rows - flat[:, None] * rows[-1:])[0]) if common else {}
     return Certainty(
         level=LEVEL,
         profiles=tuple(map(_as_profile, inspection.profiles, found[0])),
         friction=tuple(map(_as_friction, inspection.friction, found[1])),
         identified=dict(zip(identified_parameters(model), found[2].tolist(), strict=True)),
         relative=_relative(learned[0], found[0]),
+        common_factor=common or None,
+        apart={symbol: apart[symbol] for symbol in _SCALED if symbol in apart},
         undetermined=_undetermined(learned[0], found[0]),
         parameters=len(posterior.theta),
         windows=posterior.windows,
@@ -186,6 +202,7 @@ def _only(profile: FrictionProfile, n: int) -> np.ndarray:
     return v
 
 
+_SCALED: Final = ("M", "V", "D")  # What has a common factor where g is known.
 _SYMBOLS: Final = {"mass": "M", "potential": "V", "inputs": "g", "dissipation": "D"}
 
 
