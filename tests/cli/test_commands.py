@@ -92,7 +92,7 @@ def test_how_training_went_goes_with_what_came_of_it(arm, tmp_path, capsys):
         for each in words:
             capsys.readouterr()
             assert main(each) == 0
-            assert (f"training has not ended: {outcome}" in capsys.readouterr().err) != completed
+            assert (f"not all of training is done: {outcome}" in capsys.readouterr().err) != completed
 
 
 def test_too_few_windows_give_no_bands_but_all_else(arm_run, tmp_path, capsys):

@@ -133,3 +133,7 @@ def test_what_was_said_of_a_runs_own_data_is_not_said_again(described, tmp_path,
         capsys.readouterr()
         assert main(list(map(str, words))) == 0
         assert ("left out in `a`" in capsys.readouterr().err) == (words[-1] == described)
+    damage(described.parent / "a.csv", u=np.negative)
+    for words in (("evaluate", run), ("inspect", run)):
+        assert main(list(map(str, words))) == 0
+        assert "the data are no longer those that the run was trained on" in capsys.readouterr().err

@@ -65,6 +65,8 @@ def test_a_run_holds_what_the_contract_says(trained, arm):
     assert (config.source, config.seed, config.preset, config.model.kind) == (str(arm), 0, "default", "dissipative")
     assert config.training.adam_steps == 20
     assert config.substeps == 2
+    assert config.trained is not None
+    assert (config.trained.outcome, config.trained.completed) == ("all steps taken", True)
     assert [json.loads(line)["stage"] for line in (trained / "metrics.jsonl").read_text().splitlines()]
     assert read_model(trained).inputs == 1
 
@@ -127,6 +129,8 @@ def test_a_resumed_run_ends_as_one_that_was_never_stopped(trained, arm, tmp_path
     words = ["train", str(arm), "--out", str(tmp_path / "run")]
     assert main([*words, "--max-minutes", "1e-9"]) == 0
     assert "stopped at the time limit" in capsys.readouterr().out
+    assert main(["evaluate", str(tmp_path / "run")]) == 0
+    assert "not all of training is done: stopped at the time limit" in capsys.readouterr().err
     assert (tmp_path / "run" / "model.safetensors").is_file()
     assert main([*words, "--resume"]) == 0
     assert same_weights(trained, tmp_path / "run")

@@ -121,6 +121,7 @@ def test_what_late_velocities_lack_costs_no_rows(tmp_path):
     for _, _, v in recordings.values():
         v[100:110, 0] = np.nan
         v[500, 1] = 1e3
+        v[600, 1] = 1e30
     path = write(tmp_path, recordings)
     with pytest.warns(DataWarning) as said:
         dataset = read_dataset(path)
@@ -130,6 +131,18 @@ def test_what_late_velocities_lack_costs_no_rows(tmp_path):
     assert not [one for each in check.recordings for one in each.findings if one.level == "masked"]
     assert [each.recordings for each in check.recordings] == [1] * 4
     assert all(each.log.rates is not None for each in check.recordings)
+
+
+def test_a_recording_without_any_velocity_is_as_good_as_others_that_come_late(tmp_path):
+    recordings = trains(*[(0.01, 0.01)] * 3)
+    recordings["train1"][2][:, 0] = np.nan
+    path = write(tmp_path, recordings)
+    assert [len(each) for each in quietly(path).train] == [800] * 3
+    assert not check_dataset(path).refused
+    path.write_text(path.read_text() + "\n")  # As the positions tell nothing better where velocities are trusted.
+    path.write_text("trust_velocities = true\n" + path.read_text())
+    with pytest.raises(DataError, match="Column `v1` lacks 800"):
+        quietly(path)
 
 
 def test_velocities_that_are_trusted_stay_without_a_warning(tmp_path):

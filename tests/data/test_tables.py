@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from symoden.data import DataError
 from symoden.data._readers import read_rows
-from symoden.data._tables import cut_row, place, short_rows
+from symoden.data._tables import cut_row, find_layout, place, short_rows
 
 ALL = slice(0, None)
 
@@ -68,8 +68,42 @@ def test_rows_begin_after_comments_names_and_units(tmp_path, separator, before, 
     assert short_rows(path) == (3, {3: 1 if separator.isspace() else 2})
 
 
+LAYOUTS = [
+    (",1,2\n0,q,u\n", ["", "1", "2"], 2),  # The index of a table whose columns only count.
+    ("0,1,2\n0.1,2,3\n", ["0", "1", "2"], 2),
+    ("t,1,2\n0,1,2\n", ["t", "1", "2"], 2),
+    ("nan,inf,t\n1,2,3\n", ["nan", "inf", "t"], 2),
+    ("q,u\n-,-\n1,2\n", ["q", "u"], 2),  # What is no unit stays, and is refused by its line.
+    ("q,u\nTrue,False\n1,2\n", ["q", "u"], 2),
+    ("t,q\nms,deg/s^2\n0,1\n", ["t", "q"], 3),
+    ("# t,q\ns,rad\n0,1\n1,2\n", ["t", "q"], 3),
+    ("# t,q\n# s,rad\n0,1\n", ["t", "q"], 3),
+    ("# a, b, c\n0 1.5 2\n", ["a", "b", "c"], 2),
+    ("t,q\n# hello, you\n0,1\n", ["t", "q"], 3),
+    ("joint 1\n0.5\n0.6\n", ["joint 1"], 2),
+    ("\tt\tq\n1\t0\t2\n", ["", "t", "q"], 2),
+    ('t,q\n"never closed', ["t", "q"], 2),
+    ("# t,q\n", ["t", "q"], 3),
+]
+
+
+@pytest.mark.parametrize(("text", "names", "line"), LAYOUTS)
+def test_names_units_and_comments_are_told_from_rows(text, names, line):
+    layout = find_layout(text)
+    assert list(layout.names) == names
+    assert layout.line == line
+    assert text[: layout.start].count("\n") == min(line, text.count("\n") + 1) - 1
+
+
+def test_a_line_that_lacks_a_cell_between_blanks_lacks_all(tmp_path):
+    path = written(tmp_path / "run.txt", "t q u\n0 1 2\n1   5\n2 3 4\n")
+    read = read_rows(path, {"x": ("t", "q", "u")}, ALL).signals["x"]
+    np.testing.assert_array_equal(read, [[0, 1, 2], [np.nan] * 3, [2, 3, 4]])
+    assert short_rows(path) == (3, {1: 2})
+
+
 def test_columns_without_names_have_numbers(tmp_path):
-    path = written(tmp_path / "run.dat", "0 1\n1 2\n")
+    path = written(tmp_path / "run.dat", "0 1.5\n1 2\n")
     with pytest.raises(
         DataError, match=r"no column `q`; found `1, 2`\. .* No line names the columns: their numbers do"
     ):

@@ -127,6 +127,7 @@ def test_what_inputs_alone_tell_is_a_common_factor(learned):
         assert band.relative["D"] == pytest.approx(wide * 0.0173, rel=0.03)
         left = band.apart or band.relative
         assert left["D"] == pytest.approx(wide * apart, abs=1e-3)
+        assert (left["M"], left["V"]) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
 def spoilt(model, factor):

@@ -68,6 +68,8 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(pendulum, sm
     } <= stages
     assert eqx.tree_equal(part.model, whole.model)
     assert part.loss == whole.loss
+    assert part.verdicts == whole.verdicts
+    assert {"relevance", "refit", "growth"} <= set(whole.verdicts)
     lines = [len((tmp_path / run / "metrics.jsonl").read_text().splitlines()) for run in ("whole", "parts")]
     assert lines[0] == lines[1]
     assert whitened

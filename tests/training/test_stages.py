@@ -85,6 +85,8 @@ def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_f
     started = last.start(state)
     after, report = last.advance(started)
     assert report.finished
+    said = "" if margin is None else f"kept (validation {-errors:+.1f} standard errors, more than {margin:+.0f} wanted)"
+    assert report.verdict == (said if kept else f"not {said}")
     first, best = (jax.tree.leaves(each) for each in (started.best, after.best))
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
     assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)

@@ -1,6 +1,5 @@
 """`symoden evaluate`."""
 
-import contextlib
 from dataclasses import asdict
 
 from symoden.experiments import (
@@ -17,10 +16,9 @@ from symoden.storage import StorageError
 
 from ._arguments import Evaluate
 from ._figure import check_figure, save_figure
-from ._learned import bands_of, draw_unseen, posterior_of
+from ._learned import bands_of, draw_unseen, own_source, posterior_of
 from ._output import print_json
 from ._scores import report_scores
-from ._warnings import said_before
 from ._words import band_words, name_unfinished
 
 
@@ -34,8 +32,7 @@ def run(command: Evaluate) -> None:
     config = read_run(command.run)
     model = read_model(command.run)
     name_unfinished(config)
-    with said_before() if command.source is None else contextlib.nullcontext():
-        source = read_run_source(config, command.source)
+    source = own_source(config) if command.source is None else read_run_source(config, command.source)
     scores = report_scores(model, config, source, json=command.general.json)
     bands, missing = _bands(command, config, model, source) if command.bands else (None, "")
     score = bands and score_bands(bands, source.dataset.test)
@@ -53,8 +50,7 @@ def run(command: Evaluate) -> None:
 
 def _bands(command: Evaluate, config: RunConfig, model: AbstractDynamics, source: Source) -> tuple[Bands | None, str]:
     """Bands of the run's rollouts, or why there are none."""
-    with said_before():
-        own = source if command.source is None else read_run_source(config)
+    own = source if command.source is None else own_source(config)
     try:
         posterior = posterior_of(command.run, model, config, own.dataset)
     except StorageError:

@@ -1,5 +1,6 @@
 """What is known of a run's model; shared by `inspect`, `report` and `evaluate`."""
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from symoden.experiments import (
     read_run,
     read_run_source,
     recorded_paths,
+    summarize,
 )
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
@@ -69,8 +71,7 @@ class Learned:
         config, model = read_run(run), read_model(run)
         source, posterior, missing = None, None, ""
         try:
-            with said_before():
-                source = read_run_source(config)
+            source = own_source(config)
         except ValueError as error:
             missing = " ".join(str(error).split())
         uncertain = f"the run's data cannot be read: {missing}"
@@ -130,6 +131,26 @@ class Learned:
         solver = evaluation_solver(self.config)
         with show_work(f"power audit on the {split} recordings"):
             return split, audit(self.model, recordings, ranges=data.ranges, hold=data.hold, solver=solver)
+
+
+def own_source(config: RunConfig) -> Source:
+    """Read the data that a run was trained on; what is odd about them was said then, but not if they have changed.
+
+    Args:
+        config: Settings of the run.
+
+    Returns:
+        The data.
+    """
+    with said_before():
+        source = read_run_source(config)
+    if source.task is None and summarize(source.dataset).digest != config.data.digest:
+        print(
+            f"warning: `{source.name}`: the data are no longer those that the run was trained on. Restore them, or "
+            "train anew: its bands are those of other data.",
+            file=sys.stderr,
+        )
+    return source
 
 
 def unseen(dataset: Dataset) -> tuple[str, tuple[Trajectory, ...]]:

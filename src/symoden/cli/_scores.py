@@ -77,7 +77,7 @@ def _errors(score: TaskScore, task: Task, kind: str) -> TableText:
 
 def _recordings(recordings: Sequence[RecordingScore], space: Space, names: Sequence[str]) -> TableText:
     """Errors of every recording; of a few coordinates also each one's."""
-    units = "in the data's units" if len(space.lengths) else "[rad]"
+    units = "[rad], of lengths [m] where the data say so" if len(space.lengths) else "[rad]"
     each = [f"1 s, {name}" for name in names] if 1 < len(names) <= _FEW else []
     return TableText(
         f"position RMSE {units}: over windows of 1 s, and of one rollout over the whole recording"

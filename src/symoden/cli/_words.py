@@ -35,7 +35,7 @@ def name_unfinished(config: RunConfig) -> None:
         config: Settings of the run, and what came of them.
     """
     if config.trained is not None and not config.trained.completed:
-        print(f"warning: training has not ended: {config.trained.outcome}.", file=sys.stderr)
+        print(f"warning: not all of training is done: {config.trained.outcome}.", file=sys.stderr)
 
 
 def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
@@ -76,10 +76,8 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
 
 def _is_common(certain: Certainty) -> bool:
     """Whether most of what is uncertain of M and V is a common factor."""
-    known = [
-        certain.apart[name] / width for name, width in certain.relative.items() if name in ("M", "V") and width > _NONE
-    ]
-    return bool(known) and max(known) < _MOSTLY
+    widths = {name: certain.relative.get(name, 0.0) for name in ("M", "V")}  # None of what is given.
+    return min(widths.values()) > _NONE and all(certain.apart[name] < _MOSTLY * width for name, width in widths.items())
 
 
 def ensemble_words(members: int, tried: int) -> str:

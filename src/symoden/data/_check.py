@@ -21,7 +21,7 @@ from ._logs import Log, angles, read_logs
 from ._masking import Mask
 from ._pace import find_fast_sampling
 from ._read_dataset import assemble
-from ._recordings import recordings_of, rows_to_use
+from ._recordings import recordings_of, rows_or_error
 from ._trajectory import Trajectory
 from ._zeros import find_counted_zeros
 
@@ -97,14 +97,14 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     description = read_description(path, space=space)
     is_angle = angles(path, description)
     logs = read_logs(path, description)
-    masks = [_mask(log, description, is_angle) for log in logs]
+    masks = [rows_or_error(log, description, is_angle) for log in logs]
     examinations = [
         examine(log, description, is_angle, chosen.spikes if isinstance(chosen, Mask) else ())
         for log, chosen in zip(logs, masks, strict=True)
     ]
     used, examinations, replaced = replace_late(logs, examinations, description)
     if replaced:  # What velocities lacked is lacking no more.
-        masks = [_mask(log, description, is_angle) for log in used]
+        masks = [rows_or_error(log, description, is_angle) for log in used]
     made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     checks = tuple(
         dataclasses.replace(_check(log, recordings, outcome, examination), log=logged)
@@ -123,14 +123,6 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     if all(isinstance(outcome, Mask) for _, outcome in made):
         together.extend(_assembled(path, description, logs, [recordings for recordings, _ in made]))
     return DatasetCheck(description=description, recordings=checks, findings=tuple(together))
-
-
-def _mask(log: Log, description: Description, is_angle: np.ndarray) -> Mask | DataError:
-    """Which rows of a log are used, or why none are."""
-    try:
-        return rows_to_use(log, description, is_angle)
-    except DataError as error:
-        return error
 
 
 def _made(

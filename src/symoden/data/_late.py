@@ -44,10 +44,16 @@ def replace_late(
         return tuple(logs), tuple(examinations), None
     said = _finding(late.values(), [every[0].rate for joint, every in joints.items() if joint not in late])
     return (
-        tuple(dataclasses.replace(log, rates=None) for log in logs),
+        tuple(map(_without_rates, logs)),
         tuple(_without(said.kind, found) for found in examinations),
         said,
     )
+
+
+def _without_rates(log: Log) -> Log:
+    """The same log without velocities, and without what was wrong with them."""
+    told = tuple(one for one in log.impossible if one.channel not in log.names["rates"])
+    return dataclasses.replace(log, rates=None, impossible=told)
 
 
 def _without(kind: Kind, examination: Examination) -> Examination:

@@ -9,13 +9,13 @@ import numpy as np
 from ._clocks import find_other_clocks
 from ._dataset import Dataset
 from ._description import Description, read_description
-from ._errors import DataWarning
+from ._errors import DataError, DataWarning
 from ._examine import Examination, examine
 from ._findings import Finding
 from ._late import replace_late
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
-from ._recordings import recordings_of, rows_to_use
+from ._recordings import recordings_of, rows_or_error
 from ._trajectory import Trajectory
 
 _SHOWN = 3  # recordings that a warning names
@@ -51,16 +51,27 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     description = read_description(path, space=space)
     is_angle = angles(path, description)
     logs = read_logs(path, description)
-    masks = [rows_to_use(log, description, is_angle) for log in logs]
-    examinations = [examine(log, description, is_angle, chosen.spikes) for log, chosen in zip(logs, masks, strict=True)]
+    chosen = [rows_or_error(log, description, is_angle) for log in logs]
+    examinations = [
+        examine(log, description, is_angle, rows.spikes if isinstance(rows, Mask) else ())
+        for log, rows in zip(logs, chosen, strict=True)
+    ]
     used, examinations, replaced = replace_late(logs, examinations, description)
     if replaced:  # What velocities lacked is lacking no more.
-        masks = [rows_to_use(log, description, is_angle) for log in used]
+        chosen = [rows_or_error(log, description, is_angle) for log in used]
+    masks = [_usable(rows) for rows in chosen]
     recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     dataset = assemble(path, description, used, recordings)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
     return dataset
+
+
+def _usable(rows: Mask | DataError) -> Mask:
+    """The rows of a log, if there are any."""
+    if isinstance(rows, DataError):
+        raise rows
+    return rows
 
 
 def assemble(

@@ -2,6 +2,7 @@
 
 import csv
 import gzip
+import itertools
 import math
 import re
 import zlib
@@ -19,6 +20,14 @@ from ._limits import LARGEST, refuse_large
 TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
 """Endings of the names of tables of text, `.gz` apart."""
 _COMMENTS: Final = ("#", "%")
+_PREAMBLE: Final = 2000  # Lines in which the rows of a table begin.
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NO_UNIT = re.compile(r"[][(){}\s*/·.^²³0-9-]+")
+_UNIT = re.compile(  # What a line under the names is made of, if it is one of units.
+    r"[mµu]?s|ns|min|h|secs?|seconds?|[mcku]?m|m?rad|deg(ree)?s?|°|rev|rpm|[mk]?n|m?nm|[mk]?v|m?a|k?w|k?hz|j|k?g|k?pa|bar|"
+    r"c|k|counts?|ticks?|%",
+    re.IGNORECASE,
+)
 _BEGINNING: Final = 2**20  # Bytes in which the rows of a table begin.
 _NOTHING = ("", "na", "n/a", "null", "none")  # what tables write where a sample is missing; NaN is a number
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
@@ -70,7 +79,7 @@ def read_csv(path: Path) -> pl.DataFrame:
     layout = find_layout(text)
     names, separator, body = layout.names, layout.separator, text[layout.start :].rstrip()
     if separator == " ":
-        separator, body = "\t", "\n".join("\t".join(line.split()) for line in body.split("\n"))
+        separator, body = "\t", "\n".join(_with_tabs(line, len(names)) for line in body.split("\n"))
     if body and _is_cut(text, layout):  # Its numbers may be cut as well.
         body = body[: body.rfind("\n") + 1] + separator * (len(names) - 1)
     schema = {str(i): pl.String for i in range(len(names))}
@@ -96,24 +105,28 @@ def find_layout(text: str) -> Layout:
     Returns:
         Its layout.
     """
-    comment, (line, start, first) = "", (text.rstrip().count("\n") + 2, len(text), "")
-    for each in _lines(text):
-        if not each[2].startswith(_COMMENTS):
-            line, start, first = each
-            break
-        comment = each[2].lstrip("".join(_COMMENTS)).strip()
-    begin = _after(text, start)
-    below = next(_lines(text, begin), (0, begin, ""))
-    separator = _separator(first or comment, below[2])
-    named, cells = _cells(comment, separator), _cells(first, separator)
-    if not first:  # Comments alone.
-        return Layout(tuple(named), separator, line, start)
-    if _is_row(cells):
-        names = named if comment and len(named) == len(cells) else [str(i + 1) for i in range(len(cells))]
-        return Layout(tuple(names), separator, line, start)
-    if _is_units(_cells(below[2], separator), len(cells)):
-        return Layout(tuple(cells), separator, line + below[0] + 1, _after(text, below[1]))
-    return Layout(tuple(cells), separator, line + 1, begin)
+    comments, lines = [], list(itertools.islice(_lines(text), _PREAMBLE))
+    while lines and lines[0][2].startswith(_COMMENTS):
+        comments.append(lines.pop(0)[2].lstrip("".join(_COMMENTS)).strip())
+    after = [line for line in lines[1:] if not line[2].startswith(_COMMENTS)]
+    if not lines:  # Comments alone.
+        last = comments[-1]
+        return Layout(tuple(_cells(last, _separator(last, ""))), _separator(last, ""), text.count("\n") + 2, len(text))
+    number, start, first = lines[0]
+    separator = _separator(first, after[0][2] if after else "")
+    cells = _cells(first, separator)
+    named = _named_above(comments, len(cells))
+    if _is_row(cells) or (named and (_is_units(cells) or any(map(_is_number, cells)))):
+        names = named or [str(i + 1) for i in range(len(cells))]
+        above = _is_units(cells)
+    else:
+        names, above = cells, True
+    if above:  # The names, or their units.
+        number, start, first = after[0] if after else (number + 1, len(text), "")
+        units = _cells(first, separator)
+        if len(units) == len(names) and _is_units(units) and len(after) > 1:
+            number, start, _ = after[1]
+    return Layout(tuple(names), separator, number, start)
 
 
 def place(path: Path, row: int) -> str:
@@ -178,8 +191,8 @@ def _lines(text: str, start: int = 0) -> Iterator[tuple[int, int, str]]:
     number = 1
     while start < len(text):
         after = _after(text, start)
-        if line := text[start:after].strip():
-            yield number, start, line
+        if text[start:after].strip():
+            yield number, start, text[start:after].strip(" \r\n")
         number, start = number + 1, after
 
 
@@ -193,28 +206,43 @@ def _cells(line: str, separator: str) -> list[str]:
     """Cells of a line."""
     if separator == " ":
         return line.split()
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
+    except csv.Error:  # A cell without end, or a stray carriage return: reading the rows will say so.
+        return line.split(separator)
+
+
+def _with_tabs(line: str, columns: int) -> str:
+    """A line whose cells blanks separate; where one is missing nobody knows which, and all of them are."""
+    cells = line.split()
+    return "\t".join(cells if len(cells) >= columns else [""] * columns)
 
 
 def _is_number(cell: str) -> bool:
     """Whether a cell is a number."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+    return _NUMBER.fullmatch(cell) is not None
 
 
 def _is_row(cells: Sequence[str]) -> bool:
-    """Whether a line is one of numbers, for the most part."""
-    said = [cell for cell in cells if cell.lower() not in _NOTHING]
-    return 2 * sum(map(_is_number, said)) >= max(1, len(said))
+    """Whether a line is one of numbers; those that only count the columns, as of a table without names, are names."""
+    said = [cell for cell in cells if cell.lower() not in (*_NOTHING, "nan", "inf", "-inf")]
+    counted = [str(i) for i in range(len(said) + 1)]
+    return bool(said) and all(map(_is_number, said)) and said not in (counted[:-1], counted[1:])
 
 
-def _is_units(cells: Sequence[str], columns: int) -> bool:
-    """Whether a line under that of the names has one word for each of them, and no number."""
-    said = [cell for cell in cells if cell]
-    return bool(said) and len(cells) == columns and not any(_is_number(c) or c.lower() in _NOTHING for c in said)
+def _is_units(cells: Sequence[str]) -> bool:
+    """Whether a line has a unit for every column, or nothing or a dash."""
+    words = [word for cell in cells for word in _NO_UNIT.split(cell) if word]
+    return bool(words) and all(map(_UNIT.fullmatch, words))
+
+
+def _named_above(comments: Sequence[str], columns: int) -> list[str]:
+    """Names that the last comment with as many words as there are columns gives them; none if there is no such."""
+    for comment in reversed(comments):
+        cells = _cells(comment, _separator(comment, comment))
+        if len(cells) == columns and not _is_units(cells) and not _is_row(cells):
+            return cells
+    return []
 
 
 def _is_cut(text: str, layout: Layout) -> bool:
@@ -225,10 +253,9 @@ def _is_cut(text: str, layout: Layout) -> bool:
 
 def _separator(line: str, after: str) -> str:
     """What separates the cells of a table; blanks alone where lines agree on their number."""
-    found = max(",;\t", key=line.count)
-    words = len(line.split())
-    agree = words > 1 and (words == len(after.split()) or _is_row(line.split()))
-    return " " if not line.count(found) and agree else found
+    found, words = max(",;\t", key=line.count), line.split()
+    agree = len(words) > 1 and (len(words) == len(after.split()) or _is_row(words))
+    return " " if agree and not line.count(found) else found
 
 
 def read_parquet(path: Path) -> pl.DataFrame:

@@ -35,7 +35,7 @@ class Certainty:
         relative: For M, V, g and D the half width over the size of the block (its root mean square over the profiles),
             in the median along the profiles.
         common_factor: Relative half width of the common factor of M, V and D (that of the mean of log det M); none
-            where nothing fixes it, or M is given.
+            where anything but a known g fixes it, or nothing.
         apart: As `relative` of M, V and D where that factor were known: what differs from `relative` is known of
             their ratios alone.
         undetermined: Entries of blocks whose band is wider than what is learned is large, everywhere.
@@ -125,7 +125,8 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         return jax.tree.unflatten(structure, parts)
 
     found = widths(rows)
-    common = float(found[-1])
+    inputs_alone = parts_that_fix_the_scale(model) == ("input_matrix",) and not model.momenta
+    common = float(found[-1]) if inputs_alone else 0.0
     # What is left where the common factor, whose logarithm is the last quantity, is held fixed.
     flat = np.concatenate([np.ravel(leaf) for leaf in values])
     apart = _relative(learned[0], widths(rows - flat[:, None] * rows[-1:])[0]) if common else {}
