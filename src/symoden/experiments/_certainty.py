@@ -39,7 +39,8 @@ class Certainty:
         apart: As `relative` of M, V and D where that factor were known: what differs from `relative` is known of
             their ratios alone.
         undetermined: Entries of blocks whose band is wider than what is learned is large, everywhere.
-        parameters: Number of parameters that training set free.
+        parameters: Number of parameters that training set free, and of those of friction's direction that bands leave
+            open.
         windows: Number of windows of training data.
         effective: Number of parameters that the data, rather than the prior, determine; None of an ensemble.
         members: Number of models in the ensemble; None of Laplace's approximation.
