@@ -51,6 +51,17 @@ def test_one_in_seconds_among_milliseconds_is_named_with_the_key(tmp_path):
         read_dataset(path)
 
 
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_a_clock_that_is_far_too_slow_for_a_mechanism_is_named_with_its_unit(tmp_path, factor, unit):
+    path = written(tmp_path, (0.005, factor), (0.004, factor))
+    for each in check_dataset(path).recordings:
+        (finding,) = each.findings
+        assert (finding.kind, finding.level) == ("unit", "warning")
+        assert f'`units = {{"t [x]" = "{unit}"}}`' in finding.advice
+    path.write_text(f'units = {{"t [x]" = "{unit}"}}\n' + path.read_text())
+    assert not any(each.findings for each in check_dataset(path).recordings)
+
+
 @given(steps=st.lists(st.floats(0.001, 0.05), min_size=1, max_size=4))
 def test_logs_of_different_rates_have_nothing_wrong(tmp_path_factory, steps):
     path = written(tmp_path_factory.mktemp("rates"), *((step, 1) for step in steps))

@@ -13,11 +13,12 @@ from ._units import entry
 
 _OTHER: Final = 100  # times longer or shorter: no logger's rates differ so much
 _NEAR: Final = 3.0  # factor up to which a unit explains it, since rates differ too
+_SLOW: Final = 1.0  # Step [s] from which time stamps are rather in another unit: no mechanism is logged so slowly.
 _UNITS: Final = ((1e3, "milliseconds", "ms"), (1e6, "microseconds", "us"), (1e9, "nanoseconds", "ns"))
 
 
 def find_other_clocks(logs: Sequence[Log], description: Description) -> tuple[tuple[Finding, ...], ...]:
-    """Find logs whose usual step of time is far from that of most others.
+    """Find logs whose usual step of time is far from that of most others, or all too long for a mechanism.
 
     Args:
         logs: Every log of a data set.
@@ -31,10 +32,13 @@ def find_other_clocks(logs: Sequence[Log], description: Description) -> tuple[tu
     if description.time is None or not known:
         return ((),) * len(logs)
     most = known[(len(known) - 1) // 2]
-    return tuple(
+    others = tuple(
         () if step is None or 1 / _OTHER < step / most < _OTHER else (_finding(log, step, most, description),)
         for log, step in zip(logs, steps, strict=True)
     )
+    if most < _SLOW or description.velocities is not None:  # These tell what is wrong.
+        return others
+    return tuple(other or _slow(log, most, description) for other, log in zip(others, logs, strict=True))
 
 
 def _usual(log: Log) -> float | None:
@@ -42,6 +46,23 @@ def _usual(log: Log) -> float | None:
     steps = np.diff(log.ts[np.isfinite(log.ts)])
     steps = steps[steps > 0]
     return usual_step(steps) if len(steps) else None
+
+
+def _slow(log: Log, step: float, description: Description) -> tuple[Finding, ...]:
+    """All time stamps are in a unit that the description does not name."""
+    (name,) = log.names["time"]
+    if name in description.units:
+        return ()
+    word, key = next((word, key) for factor, word, key in reversed(_UNITS) if step >= factor / 1e3 * _SLOW)
+    return (
+        Finding(
+            kind="unit",
+            level="warning",
+            channel=name,
+            text=f"the usual step of `{name}` is {step:.4g} s, long for a mechanism: is it in {word}?",
+            advice=f"Write {entry({name: key}, description.units)}.",
+        ),
+    )
 
 
 def _finding(log: Log, step: float, most: float, description: Description) -> Finding:
