@@ -239,7 +239,7 @@ class LevenbergStage(AbstractStage):
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
         gain = -self.data.compare(state.best, state.incumbent.model, objective)
-        wanted = f"validation {gain:+.1f} standard errors, more than {self.margin:+.0f} wanted"
+        wanted = f"validation {round(gain, 1) + 0.0:+.1f} standard errors, more than {self.margin:+.0f} wanted"
         if gain > self.margin:
             return state, f"kept ({wanted})"
         return self._undone(state), f"not kept ({wanted})"
