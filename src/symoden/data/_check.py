@@ -10,18 +10,18 @@ import numpy as np
 from ._clocks import find_other_clocks
 from ._description import Description, read_description
 from ._errors import DataError
-from ._examine import Examination, examine, is_idle, stands_still
+from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
 from ._findings import SHOWN_SPANS, Finding
 from ._kinematics import AGREES
-from ._late import replace_late
 from ._left_out import find_absent, find_masked
 from ._lengths import find_short
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
 from ._pace import find_fast_sampling
 from ._read_dataset import assemble
-from ._recordings import recordings_of, rows_or_error
+from ._recordings import recordings_of
+from ._survey import survey
 from ._trajectory import Trajectory
 from ._zeros import find_counted_zeros
 
@@ -97,15 +97,8 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     description = read_description(path, space=space)
     is_angle = angles(path, description)
     logs = read_logs(path, description)
-    masks = [rows_or_error(log, description, is_angle) for log in logs]
-    examinations = [
-        examine(log, description, is_angle, chosen.spikes if isinstance(chosen, Mask) else ())
-        for log, chosen in zip(logs, masks, strict=True)
-    ]
-    used, examinations, replaced = replace_late(logs, examinations, description)
-    if replaced:  # What velocities lacked is lacking no more.
-        masks = [rows_or_error(log, description, is_angle) for log in used]
-    made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
+    used, rows, examinations, replaced = survey(logs, description, is_angle)
+    made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, rows, strict=True)]
     checks = tuple(
         dataclasses.replace(_check(log, recordings, outcome, examination), log=logged)
         for logged, log, (recordings, outcome), examination in zip(logs, used, made, examinations, strict=True)

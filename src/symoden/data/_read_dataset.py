@@ -10,12 +10,12 @@ from ._clocks import find_other_clocks
 from ._dataset import Dataset
 from ._description import Description, read_description
 from ._errors import DataError, DataWarning
-from ._examine import Examination, examine
+from ._examine import Examination
 from ._findings import Finding
-from ._late import replace_late
 from ._logs import Log, angles, read_logs
 from ._masking import Mask
-from ._recordings import recordings_of, rows_or_error
+from ._recordings import recordings_of
+from ._survey import survey
 from ._trajectory import Trajectory
 
 _SHOWN = 3  # recordings that a warning names
@@ -51,15 +51,8 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     description = read_description(path, space=space)
     is_angle = angles(path, description)
     logs = read_logs(path, description)
-    chosen = [rows_or_error(log, description, is_angle) for log in logs]
-    examinations = [
-        examine(log, description, is_angle, rows.spikes if isinstance(rows, Mask) else ())
-        for log, rows in zip(logs, chosen, strict=True)
-    ]
-    used, examinations, replaced = replace_late(logs, examinations, description)
-    if replaced:  # What velocities lacked is lacking no more.
-        chosen = [rows_or_error(log, description, is_angle) for log in used]
-    masks = [_usable(rows) for rows in chosen]
+    used, rows, examinations, replaced = survey(logs, description, is_angle)
+    masks = [_usable(each) for each in rows]
     recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     dataset = assemble(path, description, used, recordings)
     _warn_of_masks(path, used, masks)

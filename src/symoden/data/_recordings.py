@@ -42,23 +42,6 @@ def rows_to_use(log: Log, description: Description, is_angle: np.ndarray) -> Mas
     return chosen
 
 
-def rows_or_error(log: Log, description: Description, is_angle: np.ndarray) -> Mask | DataError:
-    """Choose the rows of a log, or say why there are none: they may do without their velocities.
-
-    Args:
-        log: What was logged.
-        description: What it means and what to do with it.
-        is_angle: Whether each coordinate is an angle.
-
-    Returns:
-        The choice, or the error that `rows_to_use` raises.
-    """
-    try:
-        return rows_to_use(log, description, is_angle)
-    except DataError as error:
-        return error
-
-
 def recordings_of(log: Log, chosen: Mask, description: Description, is_angle: np.ndarray) -> tuple[Trajectory, ...]:
     """Make the recordings of a log.
 

@@ -1,0 +1,61 @@
+"""Which rows of every log are used, what is wrong with them, and which velocities are not taken as they are."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ._description import Description
+from ._errors import DataError
+from ._examine import Examination, examine
+from ._findings import Finding
+from ._late import replace_late
+from ._logs import Log
+from ._masking import Mask
+from ._recordings import rows_to_use
+
+
+class Survey(NamedTuple):
+    """What was found out about logs before recordings are made of them.
+
+    Attributes:
+        used: The logs as they are used, without velocities where these are estimated.
+        rows: Which of each one's rows are used, or why none are.
+        examinations: What was found in each.
+        replaced: That velocities are estimated although they were logged, if so.
+    """
+
+    used: tuple[Log, ...]
+    rows: list[Mask | DataError]
+    examinations: tuple[Examination, ...]
+    replaced: Finding | None
+
+
+def survey(logs: Sequence[Log], description: Description, is_angle: np.ndarray) -> Survey:
+    """Examine logs, and choose which of their rows and velocities are used.
+
+    Args:
+        logs: What was logged.
+        description: What it means.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        What was found; that a log cannot be used is for the caller to raise or to report.
+    """
+    rows = [_rows(log, description, is_angle) for log in logs]
+    examinations = [
+        examine(log, description, is_angle, chosen.spikes if isinstance(chosen, Mask) else ())
+        for log, chosen in zip(logs, rows, strict=True)
+    ]
+    used, examined, replaced = replace_late(logs, examinations, description)
+    if replaced:  # What velocities lacked is lacking no more.
+        rows = [_rows(log, description, is_angle) for log in used]
+    return Survey(used, rows, examined, replaced)
+
+
+def _rows(log: Log, description: Description, is_angle: np.ndarray) -> Mask | DataError:
+    """Which rows of a log are used, or why none are: it may do without its velocities."""
+    try:
+        return rows_to_use(log, description, is_angle)
+    except DataError as error:
+        return error
