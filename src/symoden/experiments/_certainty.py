@@ -103,16 +103,12 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         ]
         named = jnp.stack([*model.parameters.quantities.values()]) if model.parameters else jnp.zeros(0)
         if free:
-            factor = jnp.exp(size - log_size(model))
+            factor = jnp.exp(size - _log_size(model, profile_states))
             along = [_scaled(blocks, factor) for blocks in along]
             forces = [factor * force for force in forces]
-        return along, forces, named, jnp.zeros(()) if free else log_size(model)
+        return along, forces, named, jnp.zeros(()) if free else _log_size(model, profile_states)
 
-    def log_size(model: StructuredModel) -> Scalar:
-        masses = jnp.concatenate([_blocks(model, *states).mass for states in profile_states])
-        return jnp.mean(jnp.linalg.slogdet(masses)[1]) / n
-
-    size = log_size(model) if free else jnp.zeros(())
+    size = _log_size(model, profile_states) if free else jnp.zeros(())
     values, structure = jax.tree.flatten(everything(model))
     rows = posterior.project(
         lambda model: jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(everything(model))])
@@ -146,6 +142,12 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         members=len(posterior.members) if isinstance(posterior, Ensemble) else None,
         tried=posterior.tried if isinstance(posterior, Ensemble) else None,
     )
+
+
+def _log_size(model: StructuredModel, states: Sequence[tuple[np.ndarray, np.ndarray]]) -> Scalar:
+    """Logarithm of the size of M over all profiles: the mean of log det M for a coordinate."""
+    masses = jnp.concatenate([_blocks(model, *each).mass for each in states])
+    return jnp.mean(jnp.linalg.slogdet(masses)[1]) / masses.shape[-1]
 
 
 def _blocks(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray) -> _Blocks:
