@@ -85,13 +85,15 @@ def test_the_time_limit_is_on_this_run_alone():
 
 
 def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path):
-    config = dataclasses.replace(quick, adam_steps=5, lm_steps=1)
-    first = fit(pendulum(), model=small, config=config, folder=tmp_path)
+    config = dataclasses.replace(quick, adam_steps=5, lm_steps=1, growth_steps=9, patience=1)
     strides = []
+    first = fit(pendulum(), model=small, config=config, folder=tmp_path)
     again = fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True, progress=strides.append)
     assert strides == []
     assert eqx.tree_equal(first.model, again.model)
     assert again.completed
+    assert again.outcome == first.outcome == "converged"
+    assert again.verdicts == first.verdicts
 
 
 def test_a_checkpoint_of_other_settings_is_refused(pendulum, small, quick, tmp_path):

@@ -66,6 +66,7 @@ def test_no_block_grows_where_the_rest_explains_the_motion(stage):
     started = growth.start(state)
     after, report = growth.advance(started._replace(best_loss=9e-7))
     assert (after.step, report.finished, report.outcome) == (0, True, "nothing left to explain")
+    assert report.verdict == "skipped (nothing left to explain)"
     after, _ = growth.advance(started._replace(best_loss=2e-6))
     assert after.step == 1
 
@@ -228,11 +229,12 @@ def test_priors_that_time_ran_out_for_have_brought_what_they_have_by_then(stage,
     relevance = dataclasses.replace(stage, data=data, corrections=1, learns=True, margin=-1.0)
     monkeypatch.setattr(type(data), "compare", lambda *_: worse)
     started = relevance.start(state)
-    assert relevance.settled(started) is started
+    assert relevance.settled(started) == (started, "")
     during, report = relevance.advance(started)
     assert not report.finished
     assert eqx.tree_equal(during.best, started.best)
-    settled = relevance.settled(during)
+    settled, verdict = relevance.settled(during)
+    assert verdict == f"{'kept' if kept else 'not kept'} (validation -{worse} standard errors, more than -1 wanted)"
     assert eqx.tree_equal(settled.best, during.model if kept else started.best)
     assert settled.best_loss == pytest.approx(report.validation if kept else started.best_loss)
 

@@ -92,9 +92,9 @@ class AdamStage(AbstractStage):
         finished = state.step >= self.steps
         return state, Report(loss, validation, finished=finished, outcome="all steps taken" if finished else "")
 
-    def settled(self, state: TrainingState) -> TrainingState:
+    def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
         """As it is."""
-        return state
+        return state, ""
 
     @property
     def _judged(self) -> Batch:

@@ -101,7 +101,8 @@ class LevenbergStage(AbstractStage):
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
         if state.step == 0 and (why := self._needless(state)):
-            return self._undone(state), Report(state.best_loss, state.best_loss, finished=True, outcome=why)
+            loss, verdict = state.best_loss, f"skipped ({why})"
+            return self._undone(state), Report(loss, loss, finished=True, outcome=why, verdict=verdict)
         substeps = self._refined(state)
         objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
@@ -133,12 +134,12 @@ class LevenbergStage(AbstractStage):
             state, verdict = self._concluded(state)
         return state, Report(step.after, validation, ended, outcome, verdict)
 
-    def settled(self, state: TrainingState) -> TrainingState:
+    def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
         """With what comes of the priors as they are by now, if that is to be kept."""
         if not self.learns or not state.step:
-            return state
+            return state, ""
         loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self._judged)
-        return self._concluded(state._replace(best=state.model, best_loss=loss))[0]
+        return self._concluded(state._replace(best=state.model, best_loss=loss))
 
     def rated(self, state: TrainingState) -> TrainingState:
         """The state of another stage with the loss that its best model has here, and integration as fine as it needs.

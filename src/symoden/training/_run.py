@@ -30,7 +30,8 @@ class Progress(NamedTuple):
         loss: Training loss.
         validation: Validation loss; None without validation data.
         seconds: Time spent [s], earlier runs included.
-        verdict: At the end of a stage that has to gain something: whether it is kept, in words.
+        outcome: At the end of a stage: why it ended, in words.
+        verdict: At the end of a stage that has to gain something: whether it is kept or was skipped, in words.
     """
 
     stage: str
@@ -39,6 +40,7 @@ class Progress(NamedTuple):
     loss: float
     validation: float | None
     seconds: float
+    outcome: str = ""
     verdict: str = ""
 
 
@@ -168,14 +170,13 @@ def run(
         state, lines, watch.spent = journal.read(stages, state)
     elif stages:
         state = stages[0].start(state)
-    outcome = "all steps taken"
     while state.stage < len(stages):
         stage = stages[state.stage]
         state, report = stage.advance(state)
         seconds = watch.seconds
-        now = Progress(stage.name, state.step, stage.steps, report.loss, report.validation, seconds, report.verdict)
+        done = stage.name, state.step, stage.steps, report.loss, report.validation, seconds
+        now = Progress(*done, report.outcome, report.verdict)
         lines.append({key: _json(value) for key, value in now._asdict().items()})
-        outcome = report.outcome or outcome
         if report.finished:
             state = _next(stages, state)
         journal.write(state, lines, seconds=seconds)
@@ -183,8 +184,11 @@ def run(
             progress(now)
         if watch.is_over and state.stage < len(stages):
             left = stages[state.stage :]
-            return left[0].settled(state), watch.outcome([each.name for each in left]), _verdicts(lines)
-    return state, outcome, _verdicts(lines)
+            state, verdict = left[0].settled(state)
+            so_far = {left[0].name: verdict} if verdict else {}
+            return state, watch.outcome([each.name for each in left]), _verdicts(lines) | so_far
+    outcomes = [line["outcome"] for line in lines if line.get("outcome")]  # Those before a resumption too.
+    return state, outcomes[-1] if outcomes else "all steps taken", _verdicts(lines)
 
 
 def _verdicts(lines: Sequence[dict]) -> dict[str, str]:

@@ -29,5 +29,5 @@ class AbstractStage(abc.ABC):
         """Take one stride."""
 
     @abc.abstractmethod
-    def settled(self, state: TrainingState) -> TrainingState:
-        """State with the best model so far, where training stops before the stage has ended."""
+    def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
+        """State with the best model so far, where training stops before the stage has ended; and the verdict on it."""

@@ -65,8 +65,8 @@ class Report(NamedTuple):
         validation: Validation loss; None without validation data.
         finished: Whether the stage is over.
         outcome: Why, in words; empty while it goes on.
-        verdict: Whether what came of it is kept, and by what, in words; empty while it goes on, and where nothing else
-            than the loss was asked.
+        verdict: Whether what came of it is kept, and by what, or that it was skipped, in words; empty while it goes on,
+            and where nothing else than the loss was asked.
     """
 
     loss: float
