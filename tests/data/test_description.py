@@ -71,7 +71,7 @@ BAD = [
     (LEAST.replace("[train]", "[trains]"), r"no key `trains`\. Did you mean `train`\?"),
     (
         f"{LEAST}row = [0, 1]\n",
-        r"\[train\] has no key `row`\. Did you mean `rows`\? The keys are `files, rows, split_every`",
+        r"\[train\] has no key `row`\. Did you mean `rows`\? The keys are `files, rows, recordings, split_every`",
     ),
     (LEAST.replace('space = "T1"\n', ""), "`space` must be given; found `time, positions`"),
     (LEAST.replace("positions", "position"), r"no key `position`\. Did you mean `positions`"),

@@ -17,8 +17,8 @@ NAMES = {"time": ("t",), "positions": ("q",), "rates": ("v",), "inputs": ()}
 def log(q, v, ts=None):
     ts = STEP * np.arange(len(q)) if ts is None else ts
     return Log(
-        part="train", name="r", path=Path("r.csv"), start=0, ts=ts, q=np.array(q)[:, None], rates=np.array(v)[:, None],
-        us=np.zeros((len(q), 0)), names=NAMES,
+        part="train", name="r", path=Path("r.csv"), rows=np.arange(len(ts)),
+        ts=ts, q=np.array(q)[:, None], rates=np.array(v)[:, None], us=np.zeros((len(q), 0)), names=NAMES,
     )  # fmt: skip
 
 

@@ -14,9 +14,9 @@ from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
 from ._findings import SHOWN_SPANS, Finding
 from ._kinematics import AGREES
-from ._left_out import find_absent, find_masked
+from ._left_out import find_absent, find_masked, find_merged
 from ._lengths import find_short
-from ._logs import Log, angles, read_logs
+from ._logs import Log, angles
 from ._masking import Mask
 from ._pace import find_fast_sampling
 from ._read_dataset import assemble
@@ -96,8 +96,7 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     path = Path(path)
     description = read_description(path, space=space)
     is_angle = angles(path, description)
-    logs = read_logs(path, description)
-    used, rows, examinations, replaced = survey(logs, description, is_angle)
+    logs, used, rows, examinations, replaced = survey(path, description, is_angle)
     made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, rows, strict=True)]
     checks = tuple(
         dataclasses.replace(_check(log, recordings, outcome, examination), log=logged)
@@ -156,7 +155,7 @@ def _check(
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:
         findings.append(_refusal(outcome))
-    findings.extend(find_absent(log))
+    findings.extend([*find_merged(log), *find_absent(log)])
     if isinstance(outcome, Mask):
         findings.extend(find_masked(log, outcome))
     return RecordingCheck(

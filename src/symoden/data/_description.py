@@ -9,6 +9,7 @@ from typing import Any, Final, Literal, NoReturn, TypeAlias
 
 from symoden.known import KnownParts
 
+from ._cells import short
 from ._errors import DataError, listing, nearest
 from ._known import read_known
 from ._readers import Selector
@@ -24,11 +25,13 @@ class Part:
     Attributes:
         files: Names or patterns, relative to the description.
         rows: Rows [start, stop) to read of each file, counted from 0; negative ones count from the end.
+        recordings: Those that the column `recording` names so; without any, those that no other part names.
         split_every: Duration of the segments to split each recording into [s].
     """
 
     files: tuple[str, ...]
     rows: tuple[int, int | None] = (0, None)
+    recordings: tuple[str, ...] = ()
     split_every: float | None = None
 
 
@@ -41,6 +44,7 @@ class Description:
         positions: Columns of positions; angles in rad, unless `units` says otherwise.
         time: Column of time stamps [s], unless `units` says otherwise.
         dt: Step of files without time stamps [s].
+        recording: Column that tells which recording a row belongs to, where files hold several.
         velocities: Columns of velocities.
         trust_velocities: Take velocities as they were logged, even where they come late and positions tell them better.
         momenta: Columns of momenta; neither these nor velocities: velocities are estimated from the positions.
@@ -65,6 +69,7 @@ class Description:
     positions: Selector
     time: str | None = None
     dt: float | None = None
+    recording: str | None = None
     velocities: Selector | None = None
     trust_velocities: bool = False
     momenta: Selector | None = None
@@ -176,6 +181,12 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         raise DataError(f"`{path}`: [train] or [test] must name `files`; got neither.")
     if isinstance(description.positions, tuple):
         _refuse_other_size(path, description)
+    for name, part in description.parts.items():
+        if part.recordings and description.recording is None:
+            raise DataError(
+                f"`{path}`: [{name}] `recordings` are told apart by a column; got none. Name it: "
+                '`recording = "trial"` before the tables.'
+            )
     delays = len(description.input_delay)
     if isinstance(description.inputs, tuple) and delays not in (1, len(description.inputs)):
         raise DataError(
@@ -220,6 +231,13 @@ def _texts(value: object) -> tuple[str, ...]:
     if not isinstance(value, list) or not value or not all(isinstance(item, str) and item for item in value):
         _fail('a list of texts in brackets, such as ["a", "b"]')
     return tuple(value)
+
+
+def _labels(value: object) -> tuple[str, ...]:
+    """A list of numbers or texts, at least one, as texts."""
+    if not isinstance(value, list) or not value or not all(isinstance(x, str) or _is_number(x) for x in value):
+        _fail('a list of numbers or texts, such as [3, 7] or ["monday"]')
+    return tuple(item if isinstance(item, str) else short(float(item)) for item in value)
 
 
 def _selector(value: object) -> Selector:
@@ -315,11 +333,17 @@ def _rows(value: object) -> tuple[int, int | None]:
 
 
 _PARTS: Final = ("train", "test", "validation")
-_PART_KEYS: Final[dict[str, Check]] = {"files": _texts, "rows": _rows, "split_every": _positive}
+_PART_KEYS: Final[dict[str, Check]] = {
+    "files": _texts,
+    "rows": _rows,
+    "recordings": _labels,
+    "split_every": _positive,
+}
 _KEYS: Final[dict[str, Check]] = {
     "space": _text,
     "time": _text,
     "dt": _positive,
+    "recording": _text,
     "positions": _selector,
     "velocities": _selector,
     "trust_velocities": _flag,

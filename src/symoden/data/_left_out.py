@@ -37,6 +37,32 @@ def find_masked(log: Log, mask: Mask) -> list[Finding]:
     return [*_spikes(log, mask), *_gaps(mask)]
 
 
+def find_merged(log: Log) -> list[Finding]:
+    """Say that a table had several clocks, if so.
+
+    Args:
+        log: What was logged, brought to one clock.
+
+    Returns:
+        The finding, or none.
+    """
+    if log.merged is None:
+        return []
+    columns = ", ".join(f"`{name}`" for name in log.merged.columns)
+    have = "has" if len(log.merged.columns) == 1 else "have"
+    return [
+        Finding(
+            kind="clocks",
+            level="note",
+            channel=log.merged.columns[0] if len(log.merged.columns) == 1 else "",
+            text=f"{columns} {have} numbers at other times than the positions: {len(log)} of {log.merged.rows} rows "
+            "are those of the positions",
+            advice="Nothing need be done: held inputs act as their mean over each step, the others are interpolated. "
+            "Where a sensor fails that often, leave its column or the file out.",
+        )
+    ]
+
+
 def find_absent(log: Log) -> list[Finding]:
     """Name columns that lack numbers or have impossible ones, and lines that end too early.
 
@@ -94,9 +120,9 @@ def _short_lines(log: Log) -> _Short:
     if not len(incomplete) or not is_text(log.path):
         return _Short()
     named, cells = short_rows(log.path)
-    rows = [int(row) for row in incomplete if log.start + row in cells]
-    cut = cut_row(log.path) == log.start + len(log) - 1
-    return _Short(rows=np.array(rows, int), cells=[cells[log.start + row] for row in rows], named=named, cut=cut)
+    rows = [int(row) for row in incomplete if log.rows[row] in cells]
+    cut = cut_row(log.path) == int(log.rows[-1])
+    return _Short(rows=np.array(rows, int), cells=[cells[int(log.rows[row])] for row in rows], named=named, cut=cut)
 
 
 def _unfinished(log: Log, short: _Short) -> list[Finding]:

@@ -5,16 +5,17 @@ import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from ._description import Description, Part
 from ._errors import DataError
-from ._files import find_files
 from ._limits import LARGEST_NUMBER
-from ._readers import Rows, read_rows, suffix_of
+from ._parts import read_parts
+from ._readers import Rows, suffix_of
 from ._tables import place
-from ._units import in_si, of_column
+from ._units import of_column
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,15 +35,27 @@ class Impossible:
     place: str
 
 
+class Merged(NamedTuple):
+    """That a table had several clocks, and was brought to that of the positions.
+
+    Attributes:
+        rows: Rows that it had.
+        columns: Names of the columns that had numbers at other times than the positions.
+    """
+
+    rows: int
+    columns: tuple[str, ...]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Log:
     """One file's rows of one part, before anything is repaired; NaN where a number is missing or impossible.
 
     Attributes:
         part: "train", "test" or "validation".
-        name: The file's stem.
+        name: The file's stem, and what tells the recording apart from others in it: `swings-3`.
         path: The file.
-        start: Its first row that was read, counted from 0.
+        rows: Row of the file that each row of the log is, counted from 0.
         ts: Time stamps [s] (T,), in the order of the rows.
         q: Positions (T, n), angles with their jumps.
         rates: Velocities or momenta (T, n); None if there are none.
@@ -50,12 +63,13 @@ class Log:
         names: Names of the columns by role: "time", "positions", "rates", "inputs".
         units: SI units of these columns, by role, empty where neither the description nor the space tells one.
         impossible: Numbers that are too large for any machine, of each column that has any.
+        merged: That the table had several clocks, if so.
     """
 
     part: str
     name: str
     path: Path
-    start: int
+    rows: np.ndarray
     ts: np.ndarray
     q: np.ndarray
     rates: np.ndarray | None
@@ -63,6 +77,7 @@ class Log:
     names: Mapping[str, tuple[str, ...]]
     units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     impossible: tuple[Impossible, ...] = ()
+    merged: Merged | None = None
 
     def __len__(self) -> int:
         """Number of rows T."""
@@ -107,7 +122,7 @@ class Log:
         Returns:
             The words.
         """
-        return place(self.path, self.start + row)
+        return place(self.path, int(self.rows[row]))
 
 
 def read_logs(path: Path, description: Description) -> tuple[Log, ...]:
@@ -124,7 +139,7 @@ def read_logs(path: Path, description: Description) -> tuple[Log, ...]:
         DataError: If a file cannot be read, lacks a column, or one part has rows of another one.
     """
     is_angle = angles(path, description)
-    parts = {name: _read_part(path, description, part) for name, part in description.parts.items()}
+    parts = read_parts(path, description)
     _refuse_overlaps(path, parts)
     return tuple(_log(name, rows, description, is_angle) for name, part in parts.items() for rows in part)
 
@@ -162,24 +177,16 @@ def _refuse_other_size(path: Path, space: str, is_angle: np.ndarray, columns: in
         )
 
 
-def _read_part(path: Path, description: Description, part: Part) -> tuple[Rows, ...]:
-    """Rows of all files of one part."""
-    files = find_files(part.files, path)
-    return tuple(
-        in_si(read_rows(file, description.selectors, slice(*part.rows)), description.units, description.zeros)
-        for file in files
-    )
-
-
 def _refuse_overlaps(path: Path, parts: Mapping[str, tuple[Rows, ...]]) -> None:
     """Refuse rows that are in two parts: a test on what was learned from tells nothing."""
     for (name, rows), (other_name, other_rows) in itertools.combinations(parts.items(), 2):
         for one, other in itertools.product(rows, other_rows):
-            shared = range(max(one.start, other.start), min(one.stop, other.stop))
+            shared = np.intersect1d(one.index, other.index, assume_unique=True)
             if one.path.samefile(other.path) and len(shared):
+                what = "rows" if one.label is None else f"recording `{one.label}`, rows"
                 raise DataError(
-                    f"`{path}`: [{name}] and [{other_name}] must have no rows in common; both have rows {shared.start} "
-                    f"to {shared.stop - 1} of `{one.path}`. Name other files, or other `rows`."
+                    f"`{path}`: [{name}] and [{other_name}] must have no rows in common; both have {what} {shared[0]} "
+                    f"to {shared[-1]} of `{one.path}`. Name other files, or other `rows`."
                 )
 
 
@@ -187,9 +194,11 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
     """The rows of a file by what they mean."""
     if len(rows) < 2:
         chosen = description.parts[part].rows != Part.rows
+        which = f"`{description.recording}` = {rows.label}: " if rows.label else ""
         raise DataError(
-            f"`{rows.path}`: a recording must have at least 2 rows; got {len(rows)}"
-            + (f", from row {rows.start} on. Correct `rows`, or leave the file out." if chosen else ". Leave it out.")
+            f"`{rows.path}`: {which}a recording must have at least 2 rows; got {len(rows)}"
+            + (f", from row {rows.index[0]} on" if chosen and len(rows) else "")
+            + f". {'Correct `rows`, or leave' if chosen else 'Leave'} it out."
         )
     rows, impossible = _without_impossible(rows)
     q, rates = rows.signals["positions"], rows.signals.get("rates")
@@ -199,11 +208,12 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
             f"`{rows.path}`: velocities or momenta must have one column per position, {q.shape[1]}; "
             f"got {rates.shape[1]}."
         )
+    stem = rows.path.name[: -len(suffix_of(rows.path))]
     return Log(
         part=part,
-        name=rows.path.name[: -len(suffix_of(rows.path))],
+        name=stem if rows.label is None else f"{stem}-{rows.label}",
         path=rows.path,
-        start=rows.start,
+        rows=rows.index,
         ts=_times(rows, description),
         q=q,
         rates=rates,
@@ -229,7 +239,7 @@ def _si_units(rows: Rows, description: Description, is_angle: np.ndarray) -> dic
 def _without_impossible(rows: Rows) -> tuple[Rows, tuple[Impossible, ...]]:
     """The rows with NaN for every number that is too large for any machine, and these numbers."""
     found = [
-        Impossible(channel=name, rows=at, first=float(column[at[0]]), place=place(rows.path, rows.start + int(at[0])))
+        Impossible(channel=name, rows=at, first=float(column[at[0]]), place=place(rows.path, int(rows.index[at[0]])))
         for role, signal in rows.signals.items()
         for name, column in zip(rows.names[role], signal.T, strict=True)
         if len(at := np.flatnonzero(np.abs(column) > LARGEST_NUMBER))

@@ -12,7 +12,8 @@ from ._description import Description, read_description
 from ._errors import DataError, DataWarning
 from ._examine import Examination
 from ._findings import Finding
-from ._logs import Log, angles, read_logs
+from ._left_out import find_merged
+from ._logs import Log, angles
 from ._masking import Mask
 from ._recordings import recordings_of
 from ._survey import survey
@@ -50,11 +51,11 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     path = Path(path)
     description = read_description(path, space=space)
     is_angle = angles(path, description)
-    logs = read_logs(path, description)
-    used, rows, examinations, replaced = survey(logs, description, is_angle)
+    logs, used, rows, examinations, replaced = survey(path, description, is_angle)
     masks = [_usable(each) for each in rows]
     recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     dataset = assemble(path, description, used, recordings)
+    _warn_of_clocks(path, logs)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
     return dataset
@@ -100,6 +101,13 @@ def assemble(
         position_names=logs[0].names["positions"],
         input_names=logs[0].names["inputs"],
     )
+
+
+def _warn_of_clocks(path: Path, logs: Sequence[Log]) -> None:
+    """Say in one line which tables had several clocks."""
+    merged = [f"`{log.name}`: {finding.text}" for log in logs for finding in find_merged(log)]
+    if merged:
+        _warn(path, "brought to one clock", merged)
 
 
 def _warn_of_masks(path: Path, logs: Sequence[Log], masks: Sequence[Mask]) -> None:

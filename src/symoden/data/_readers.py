@@ -10,9 +10,10 @@ import numpy as np
 import polars as pl
 
 from ._arrays import read_hdf5, read_mat, read_npz
+from ._cells import holds_lists, lists, numbers, short, texts
 from ._errors import DataError, listing
 from ._shapes import Signals
-from ._tables import TEXTS, numbers, read_csv, read_parquet
+from ._tables import TEXTS, read_csv, read_parquet
 
 Selector: TypeAlias = str | tuple[str, ...]  # a 2-D variable (in a table: a column), or a column each
 
@@ -35,21 +36,36 @@ class Rows:
 
     Attributes:
         path: The file.
-        start: Its first row that was read, counted from 0.
-        stop: The row after the last one that was read.
+        index: Rows of the file that were read, counted from 0.
         signals: What was asked for, by role ("positions", …): one column per signal.
         names: Names of these columns, by role.
+        labels: Which recording each row belongs to, where a column tells.
+        label: The one that they all belong to, where a column tells and they were taken apart by it.
     """
 
     path: Path
-    start: int
-    stop: int
+    index: np.ndarray
     signals: dict[str, Signals]
     names: dict[str, tuple[str, ...]]
+    labels: np.ndarray | None = None
+    label: str | None = None
 
     def __len__(self) -> int:
         """Number of rows."""
-        return self.stop - self.start
+        return len(self.index)
+
+    def take(self, rows: np.ndarray, label: str) -> "Rows":
+        """Those of one recording.
+
+        Args:
+            rows: Which of these rows.
+            label: What their column says.
+
+        Returns:
+            The rows.
+        """
+        signals = {role: signal[rows] for role, signal in self.signals.items()}
+        return Rows(path=self.path, index=self.index[rows], signals=signals, names=self.names, label=label)
 
 
 def suffix_of(path: Path) -> str:
@@ -58,13 +74,14 @@ def suffix_of(path: Path) -> str:
     return max(endings, key=len, default="")
 
 
-def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice) -> Rows:
+def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None = None) -> Rows:
     """Read the columns or variables that selectors name.
 
     Args:
         path: File of a known format.
         selectors: What to read, by role.
         rows: Rows to keep; nothing else of the file is looked at.
+        recording: Column or variable that tells which recording each row belongs to, if there is one.
 
     Returns:
         The numbers that were asked for; NaN where one is missing.
@@ -78,7 +95,8 @@ def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice) -> Row
     try:
         if path.stat().st_size == 0:
             raise DataError(f"`{path}`: is empty; it must have columns or variables of numbers.")
-        found = _from_table(path, selectors, rows) if suffix in _TABLES else _from_arrays(path, selectors, rows)
+        read = _from_table if suffix in _TABLES else _from_arrays
+        found = read(path, selectors, rows, recording)
     except OSError as error:
         raise DataError(f"`{path}`: cannot be read: {error.strerror or error}.") from error
     for signals in found.signals.values():
@@ -86,29 +104,52 @@ def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice) -> Row
     return found
 
 
-def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice) -> Rows:
-    """Read columns of a table."""
+def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None) -> Rows:
+    """Read columns of a table; where a cell holds a list, it is a variable with a column for each item."""
     frame = _TABLES[suffix_of(path)](path)
-    start, stop, _ = rows.indices(frame.height)
-    stop = max(start, stop)
-    frame = frame.slice(start, stop - start)
-    names = {role: (selector,) if isinstance(selector, str) else selector for role, selector in selectors.items()}
-    columns = {name: numbers(path, frame, name, first_row=start) for each in names.values() for name in each}
-    signals = {
-        role: np.stack([columns[name] for name in each], axis=1) if each else np.zeros((stop - start, 0))
-        for role, each in names.items()
-    }
-    return Rows(path=path, start=start, stop=stop, signals=signals, names=names)
+    index = np.arange(frame.height)[rows]
+    frame, first = frame[rows], int(index[0]) if len(index) else 0
+    wanted = _wanted(selectors)
+    named = dict.fromkeys(variable_of(name) for name in wanted)
+    nested = [name for name in named if name in frame.columns and holds_lists(frame[name])]
+    columns = {name: lists(path, frame, name) for name in nested}
+    plain = [name for name in wanted if variable_of(name) not in columns]
+    columns |= {name: numbers(path, frame, name, first_row=first)[:, None] for name in plain}
+    labels = None if recording is None else texts(path, frame, recording, first_row=first)
+    return _rows_of(path, selectors, columns, index, labels)
 
 
-def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice) -> Rows:
+def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None) -> Rows:
     """Read variables of a file of arrays."""
-    wanted = {role: (selector,) if isinstance(selector, str) else selector for role, selector in selectors.items()}
-    variables = {variable_of(name) for names in wanted.values() for name in names}
+    variables = {variable_of(name) for name in [*_wanted(selectors), *([recording] if recording else [])]}
     arrays = _ARRAYS[suffix_of(path)](path, sorted(variables))
     columns = {name: _columns(path, name, array) for name, array in arrays.items()}
     _refuse_mixed_lengths(path, columns)
-    length = len(next(iter(columns.values())))
+    index = np.arange(len(next(iter(columns.values()))))[rows]
+    columns = {name: array[rows] for name, array in columns.items()}
+    labels = None
+    if recording is not None:
+        labels = np.array(
+            [short(x) for x in _single(path, recording, _picked(path, recording, columns))[:, 0].tolist()]
+        )
+    return _rows_of(path, selectors, columns, index, labels)
+
+
+def _wanted(selectors: Mapping[str, Selector]) -> list[str]:
+    """Names of all columns and variables to read, each once."""
+    return list(
+        dict.fromkeys(name for each in selectors.values() for name in ([each] if isinstance(each, str) else each))
+    )
+
+
+def _rows_of(
+    path: Path,
+    selectors: Mapping[str, Selector],
+    columns: Mapping[str, np.ndarray],
+    index: np.ndarray,
+    labels: np.ndarray | None,
+) -> Rows:
+    """What was read, by role."""
     signals: dict[str, np.ndarray] = {}
     names: dict[str, tuple[str, ...]] = {}
     for role, selector in selectors.items():
@@ -118,11 +159,8 @@ def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice) -> 
             names[role] = tuple(f"{selector}[{i}]" for i in range(count)) if count > 1 else (selector,)
         else:
             parts = [_single(path, name, _picked(path, name, columns)) for name in selector]
-            signals[role], names[role] = np.concatenate([np.zeros((length, 0)), *parts], axis=1), selector
-    start, stop, _ = rows.indices(length)
-    stop = max(start, stop)
-    signals = {role: signal[start:stop] for role, signal in signals.items()}
-    return Rows(path=path, start=start, stop=stop, signals=signals, names=names)
+            signals[role], names[role] = np.concatenate([np.zeros((len(index), 0)), *parts], axis=1), selector
+    return Rows(path=path, index=index, signals=signals, names=names, labels=labels)
 
 
 def variable_of(name: str) -> str:
@@ -156,7 +194,7 @@ def _refuse_mixed_lengths(path: Path, columns: Mapping[str, np.ndarray]) -> None
 def _picked(path: Path, name: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
     """The columns of `variable`, or the one of `variable[column]`."""
     item = _ITEM.fullmatch(name)
-    if item is None:
+    if item is None or name in columns:
         return columns[name]
     array, index = columns[item["variable"]], int(item["column"])
     if index >= array.shape[1]:

@@ -1,6 +1,6 @@
 """Which rows of every log are used, what is wrong with them, and which velocities are not taken as they are."""
 
-from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -10,8 +10,9 @@ from ._errors import DataError
 from ._examine import Examination, examine
 from ._findings import Finding
 from ._late import replace_late
-from ._logs import Log
+from ._logs import Log, read_logs
 from ._masking import Mask
+from ._merged import on_one_clock
 from ._recordings import rows_to_use
 
 
@@ -19,29 +20,35 @@ class Survey(NamedTuple):
     """What was found out about logs before recordings are made of them.
 
     Attributes:
+        logs: What was logged, on one clock each.
         used: The logs as they are used, without velocities where these are estimated.
         rows: Which of each one's rows are used, or why none are.
         examinations: What was found in each.
         replaced: That velocities are estimated although they were logged, if so.
     """
 
+    logs: tuple[Log, ...]
     used: tuple[Log, ...]
     rows: list[Mask | DataError]
     examinations: tuple[Examination, ...]
     replaced: Finding | None
 
 
-def survey(logs: Sequence[Log], description: Description, is_angle: np.ndarray) -> Survey:
-    """Examine logs, and choose which of their rows and velocities are used.
+def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey:
+    """Read the logs of a description, examine them, and choose which of their rows and velocities are used.
 
     Args:
-        logs: What was logged.
-        description: What it means.
+        path: The description's file.
+        description: What it says.
         is_angle: Whether each coordinate is an angle.
 
     Returns:
         What was found; that a log cannot be used is for the caller to raise or to report.
+
+    Raises:
+        DataError: If a file cannot be read, lacks a column, or one part has rows of another one.
     """
+    logs = tuple(on_one_clock(log, is_angle, description.hold) for log in read_logs(path, description))
     rows = [_rows(log, description, is_angle) for log in logs]
     examinations = [
         examine(log, description, is_angle, chosen.spikes if isinstance(chosen, Mask) else ())
@@ -50,7 +57,7 @@ def survey(logs: Sequence[Log], description: Description, is_angle: np.ndarray) 
     used, examined, replaced = replace_late(logs, examinations, description)
     if replaced:  # What velocities lacked is lacking no more.
         rows = [_rows(log, description, is_angle) for log in used]
-    return Survey(used, rows, examined, replaced)
+    return Survey(logs, used, rows, examined, replaced)
 
 
 def _rows(log: Log, description: Description, is_angle: np.ndarray) -> Mask | DataError:

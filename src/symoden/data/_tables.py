@@ -3,7 +3,6 @@
 import csv
 import gzip
 import itertools
-import math
 import re
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,10 +10,9 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numpy as np
 import polars as pl
 
-from ._errors import COPY, DataError, missing
+from ._errors import COPY, DataError
 from ._limits import LARGEST, refuse_large
 
 TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
@@ -29,8 +27,8 @@ _UNIT = re.compile(  # What a line under the names is made of, if it is one of u
     re.IGNORECASE,
 )
 _BEGINNING: Final = 2**20  # Bytes in which the rows of a table begin.
-_NOTHING = ("", "na", "n/a", "null", "none")  # what tables write where a sample is missing; NaN is a number
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+NOTHING: Final = ("", "na", "n/a", "null", "none")
+"""What tables write where a sample is missing; NaN is a number."""
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
@@ -225,7 +223,7 @@ def _is_number(cell: str) -> bool:
 
 def _is_row(cells: Sequence[str]) -> bool:
     """Whether a line is one of numbers; those that only count the columns, as of a table without names, are names."""
-    said = [cell for cell in cells if cell.lower() not in (*_NOTHING, "nan", "inf", "-inf")]
+    said = [cell for cell in cells if cell.lower() not in (*NOTHING, "nan", "inf", "-inf")]
     counted = [str(i) for i in range(len(said) + 1)]
     return bool(said) and all(map(_is_number, said)) and said not in (counted[:-1], counted[1:])
 
@@ -276,51 +274,6 @@ def read_parquet(path: Path) -> pl.DataFrame:
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         reason = str(error).splitlines()[0]
         raise DataError(f"`{path}`: must be a complete Parquet file; reading stopped at: {reason}. {COPY}") from error
-
-
-def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np.ndarray:
-    """Take a column of numbers out of a table.
-
-    Args:
-        path: File, for messages.
-        frame: The table, rows already selected.
-        name: The column.
-        first_row: Row of the file that is the table's first row, for messages.
-
-    Returns:
-        The column; NaN where a cell is empty or says that it is.
-
-    Raises:
-        DataError: If the column is absent or twice there, or a cell is no number.
-    """
-    if name not in frame.columns:
-        numbered = frame.columns == [str(i + 1) for i in range(frame.width)]
-        hint = " No line names the columns: their numbers do, from 1 on." if numbered else ""
-        raise DataError(missing(path, name, frame.columns) + hint)
-    if f"{name} (again)" in frame.columns:
-        raise DataError(f"`{path}`: column `{name}` must be there once; got it twice. Rename one of them.")
-    column = frame[name]
-    if column.dtype == pl.String:
-        column = column.str.strip_chars()
-        cast = column.cast(pl.Float64, strict=False)
-        empty = column.str.to_lowercase().is_in(_NOTHING).fill_null(value=True)
-        _refuse_text(path, name, column, cast.is_null() & ~empty, first_row)
-    elif column.dtype.is_numeric() or column.dtype == pl.Boolean:
-        cast = column.cast(pl.Float64)
-    else:
-        raise DataError(f"`{path}`: column `{name}` must hold numbers; got {column.dtype}.")
-    return cast.fill_null(math.nan).to_numpy().astype(np.float64)
-
-
-def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first_row: int) -> None:
-    """Refuse a column that has words among its numbers."""
-    row = bad.arg_max() if bad.any() else None
-    if row is not None:
-        where = place(path, first_row + row)
-        advice = "Correct it, or select rows without it by `rows`."
-        if _DECIMAL_COMMA.fullmatch(column[row]):
-            advice = "Decimal commas are not read: write the file again with decimal points (1.5 instead of 1,5)."
-        raise DataError(f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}")
 
 
 def _opened(path: Path) -> gzip.GzipFile | BufferedReader:

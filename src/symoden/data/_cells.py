@@ -1,0 +1,146 @@
+"""Columns of a table: numbers, lists of numbers, or words."""
+
+import math
+import re
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import polars as pl
+
+from ._errors import DataError, listing, missing
+from ._tables import NOTHING, place
+
+_DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+
+
+def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np.ndarray:
+    """Take a column of numbers out of a table.
+
+    Args:
+        path: File, for messages.
+        frame: The table, rows already selected.
+        name: The column.
+        first_row: Row of the file that is the table's first row, for messages.
+
+    Returns:
+        The column; NaN where a cell is empty or says that it is.
+
+    Raises:
+        DataError: If the column is absent or twice there, or a cell is no number.
+    """
+    column = _column(path, frame, name)
+    if column.dtype == pl.String:
+        column = column.str.strip_chars()
+        cast = column.cast(pl.Float64, strict=False)
+        _refuse_text(path, name, column, cast.is_null() & ~_is_empty(column), first_row)
+    elif column.dtype.is_numeric() or column.dtype == pl.Boolean:
+        cast = column.cast(pl.Float64)
+    else:
+        raise DataError(f"`{path}`: column `{name}` must hold numbers; got {column.dtype}.")
+    return cast.fill_null(math.nan).to_numpy().astype(np.float64)
+
+
+def holds_lists(column: pl.Series) -> bool:
+    """Whether the cells of a column are lists."""
+    return isinstance(column.dtype, pl.List | pl.Array)
+
+
+def lists(path: Path, frame: pl.DataFrame, name: str) -> np.ndarray:
+    """Take a column of lists of numbers out of a table.
+
+    Args:
+        path: File, for messages.
+        frame: The table, rows already selected.
+        name: The column.
+
+    Returns:
+        A column for each item (T, k); NaN where a cell or an item is empty.
+
+    Raises:
+        DataError: If lists differ in length, or hold anything but numbers.
+    """
+    column = frame[name]
+    if isinstance(column.dtype, pl.Array):
+        column = column.arr.to_list()
+    lengths = column.list.len().drop_nulls().unique().sort().to_list()
+    if len(lengths) > 1:
+        raise DataError(
+            f"`{path}`: the lists of column `{name}` must be of one length; got {listing(map(str, lengths))}. Write a "
+            "column for each number, or leave these rows out by `rows`."
+        )
+    size = lengths[0] if lengths else 0
+    try:
+        items = [column.list.get(i).cast(pl.Float64).fill_null(math.nan).to_numpy() for i in range(size)]
+    except pl.exceptions.PolarsError as error:
+        raise DataError(f"`{path}`: column `{name}` must hold lists of numbers; got {column.dtype}.") from error
+    return np.stack(items, axis=1).astype(np.float64) if items else np.zeros((len(column), 0))
+
+
+def texts(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np.ndarray:
+    """Take a column of words, or of numbers that stand for words, out of a table.
+
+    Args:
+        path: File, for messages.
+        frame: The table, rows already selected.
+        name: The column.
+        first_row: Row of the file that is the table's first row, for messages.
+
+    Returns:
+        What its cells say; numbers as short as they can be, `3` for `3.0`.
+
+    Raises:
+        DataError: If the column is absent or twice there, a cell is empty, or holds a list.
+    """
+    column = _column(path, frame, name)
+    if column.dtype.is_nested():
+        raise DataError(f"`{path}`: column `{name}` must hold numbers or words; got {column.dtype}.")
+    words = column.cast(pl.String).str.strip_chars()
+    values = words.cast(pl.Float64, strict=False)
+    empty = _is_empty(words) | values.is_nan().fill_null(value=False)
+    if empty.any():
+        where = place(path, first_row + int(empty.arg_max() or 0))
+        raise DataError(
+            f"`{path}`: column `{name}`, {where}: must say which recording the row belongs to; got nothing. Fill it "
+            "in, or leave the row out by `rows`."
+        )
+    return np.array([word if value is None else short(value) for word, value in zip(words, values, strict=True)], str)
+
+
+def short(value: float) -> str:
+    """A number as short as it can be.
+
+    Args:
+        value: The number.
+
+    Returns:
+        Its digits, a whole number without a point.
+    """
+    return str(int(value)) if value.is_integer() else str(value)
+
+
+def _column(path: Path, frame: pl.DataFrame, name: str) -> pl.Series:
+    """A column that is there once."""
+    if name not in frame.columns:
+        numbered = frame.columns == [str(i + 1) for i in range(frame.width)]
+        hint = " No line names the columns: their numbers do, from 1 on." if numbered else ""
+        raise DataError(missing(path, name, frame.columns) + hint)
+    if f"{name} (again)" in frame.columns:
+        raise DataError(f"`{path}`: column `{name}` must be there once; got it twice. Rename one of them.")
+    return frame[name]
+
+
+def _is_empty(column: pl.Series) -> pl.Series:
+    """Which cells of a column of texts say nothing, or that nothing is there."""
+    return column.str.to_lowercase().is_in(NOTHING).fill_null(value=True)
+
+
+def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first_row: int) -> None:
+    """Refuse a column that has words among its numbers."""
+    row = bad.arg_max() if bad.any() else None
+    if row is not None:
+        where = place(path, first_row + row)
+        advice = "Correct it, or select rows without it by `rows`."
+        if _DECIMAL_COMMA.fullmatch(column[row]):
+            advice = "Decimal commas are not read: write the file again with decimal points (1.5 instead of 1,5)."
+        raise DataError(f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}")

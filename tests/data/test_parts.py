@@ -1,0 +1,120 @@
+"""A column may tell the recordings of a file apart, and parts may name them."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from symoden.data import DataError, check_dataset, read_dataset
+
+HEAD = """
+space = "R1"
+time = "t"
+recording = "trial"
+positions = ["x"]
+inputs = ["u"]
+"""
+TRAIN = '[train]\nfiles = ["runs.{ending}"]\n'
+SAMPLES = 60
+
+
+def table(labels=(3, 1, 7), samples=SAMPLES):
+    """Motions that begin at a time and a place of their own, one after the other."""
+    t = 0.01 * np.arange(samples)
+    return pl.concat(
+        pl.DataFrame({"trial": [label] * samples, "t": t + k, "x": np.sin(5 * t) + k, "u": np.cos(3 * t + k)})
+        for k, label in enumerate(labels)
+    )
+
+
+def written(folder, frame, *, ending="csv", more="", train=TRAIN):
+    path = folder / f"runs.{ending}"
+    if ending == "npz":
+        np.savez(path, **{name: frame[name].to_numpy() for name in frame.columns})
+    else:
+        getattr(frame, f"write_{ending}")(path)
+    description = folder / "runs.toml"
+    description.write_text(HEAD + train.format(ending=ending) + more)
+    return description
+
+
+def names(recordings):
+    return [recording.name for recording in recordings]
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "npz"])
+def test_recordings_are_told_apart_in_the_order_in_which_they_begin(tmp_path, ending):
+    train = read_dataset(written(tmp_path, table(), ending=ending)).train
+    assert names(train) == ["runs-3", "runs-1", "runs-7"]
+    for k, recording in enumerate(train):
+        np.testing.assert_allclose(recording.ts, 0.01 * np.arange(SAMPLES) + k)
+        np.testing.assert_allclose(recording.q[0, 0], k, atol=1e-12)
+
+
+def test_rows_of_one_recording_need_not_follow_each_other(tmp_path):
+    apart, mixed = table(), table().sort("u")
+    for name, frame in (("apart", apart), ("mixed", mixed.sort("t"))):
+        (tmp_path / name).mkdir()
+        read = read_dataset(written(tmp_path / name, frame)).train
+        assert {each.name: len(each) for each in read} == {"runs-3": SAMPLES, "runs-1": SAMPLES, "runs-7": SAMPLES}
+
+
+def test_a_part_that_names_none_has_those_that_no_other_names(tmp_path):
+    more = '[test]\nfiles = ["runs.csv"]\nrecordings = [7]\n[validation]\nfiles = ["runs.csv"]\nrecordings = [3.0]\n'
+    dataset = read_dataset(written(tmp_path, table(), more=more))
+    parts = dataset.train, dataset.test, dataset.validation
+    assert [names(part) for part in parts] == [["runs-1"], ["runs-7"], ["runs-3"]]
+
+
+def test_words_tell_recordings_apart_too(tmp_path):
+    frame = table(("fast", "slow 2", "20230629143524"))
+    more = '[test]\nfiles = ["runs.csv"]\nrecordings = ["slow 2"]\n'
+    dataset = read_dataset(written(tmp_path, frame, more=more))
+    assert names(dataset.train) == ["runs-fast", "runs-20230629143524"]
+    assert names(dataset.test) == ["runs-slow 2"]
+
+
+def test_places_are_those_of_the_file(tmp_path):
+    frame = table()
+    frame[2 * SAMPLES + 5, "x"] = 1e30
+    checks = check_dataset(written(tmp_path, frame)).recordings
+    assert [check.log.name for check in checks] == ["runs-3", "runs-1", "runs-7"]
+    (finding,) = [finding for finding in checks[2].findings if finding.kind == "impossible"]
+    assert f"line {2 * SAMPLES + 7} (row {2 * SAMPLES + 5})" in finding.text
+
+
+TEST = '[test]\nfiles = ["runs.csv"]\nrecordings = {}\n'
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (TEST.format("[8]"), r"\[test\] `recordings` must name those of its files; got `8`.*They have `3, 1, 7`"),
+        (TEST.format("[1, 3, 7]"), r"\[train\] must have recordings that no other part names; got none"),
+        (TEST.format("7"), r"\[test\] `recordings` must be a list of numbers or texts, .*; got 7"),
+        (TEST.format("[1]") + TEST.format("[1]").replace("test", "validation"), r"both have recording `1`, rows 60 to"),
+    ],
+)
+def test_recordings_that_cannot_be_are_refused(tmp_path, more, said):
+    with pytest.raises(DataError, match=said):
+        read_dataset(written(tmp_path, table(), more=more))
+
+
+def test_recordings_without_a_column_that_tells_them_are_refused(tmp_path):
+    path = written(tmp_path, table(), more=TEST.format("[1]"))
+    path.write_text(path.read_text().replace('recording = "trial"\n', ""))
+    with pytest.raises(DataError, match=r"\[test\] `recordings` are told apart by a column; got none"):
+        read_dataset(path)
+
+
+@pytest.mark.parametrize("cell", ["", "na", "nan"])
+def test_every_row_must_say_where_it_belongs(tmp_path, cell):
+    frame = table().with_columns(pl.col("trial").cast(pl.String))
+    frame[70, "trial"] = cell
+    with pytest.raises(DataError, match=r"column `trial`, line 72 \(row 70\): must say which recording"):
+        read_dataset(written(tmp_path, frame))
+
+
+def test_a_recording_of_one_row_is_named(tmp_path):
+    frame = pl.concat([table(), table((9,), samples=1)])
+    with pytest.raises(DataError, match=r"`trial` = 9: a recording must have at least 2 rows; got 1"):
+        read_dataset(written(tmp_path, frame))
