@@ -9,11 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import DIRECTIONS, FRICTION, RUNGS
+from symoden.blocks import DIRECTIONS, FRICTION, RUNGS, count_parameters
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _data, _levenberg_stage
 from symoden.training._adam_stage import DIVERGED, AdamStage
+from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import Linearization, NormalEquations
 from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
@@ -183,6 +184,27 @@ def test_priors_are_learned_beside_the_residuals_at_hand(stage):
         memory = dataclasses.replace(stage, learns=learns).start(state._replace(memory=learned)).memory
         assert float(memory.variance) == variance
         assert set(memory.precisions(state.model, 0)) == {50.0}
+
+
+def test_what_validation_refused_begins_with_narrow_priors_where_these_are_learned(stage):
+    stage, state = stage
+    learning = dataclasses.replace(stage, corrections=FRICTION, learns=True)
+    model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
+    state = state._replace(model=model, best=model, memory=Relevance.start(model, 50.0))
+
+    def opened(best):
+        """Precisions of friction's laws and of the rest."""
+        memory = learning.start(state._replace(best=best, model=best)).memory
+        counts = [count_parameters(best, corrections=rung) for rung in (0, FRICTION, RUNGS)]
+        rungs = [memory.precisions(best, rung) for rung in (0, FRICTION, RUNGS)]
+        assert [len(each) for each in rungs] == counts
+        return [sorted(set(each)) for each in rungs]
+
+    assert opened(model) == [[50.0], [50.0, 1e4], [50.0, 1e4]]
+    restore, theta = Flattening.of(model, corrections=FRICTION)
+    kept = restore(theta + 0.1)  # What is free and not zero was kept.
+    assert opened(kept) == [[50.0]] * 3
+    assert dataclasses.replace(learning, learns=False).start(state).memory is state.memory
 
 
 def test_a_stage_may_begin_with_wide_priors_and_what_was_learned_comes_back_if_it_is_refused(stage, monkeypatch):

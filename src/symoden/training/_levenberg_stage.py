@@ -51,7 +51,8 @@ class LevenbergStage(AbstractStage):
             errors of the difference in validation; below zero, unless it is worse by that many. Such a stage is
             skipped where nothing is left to explain. None keeps the best model.
         whitens: Errors count as what is new in them, where starts are as measured.
-        learns: Learn the priors too. Else they fade with the loss.
+        learns: Learn the priors too, from narrow ones on for corrections that were not kept before. Else they fade with
+            the loss.
         widens: Priors are as wide as at first.
         frees: Nothing is done where what it would set free is free already.
         guess: A model to begin with where its rollouts are better than those of the best one so far.
@@ -84,7 +85,7 @@ class LevenbergStage(AbstractStage):
         known = state.memory if isinstance(state.memory, Relevance) else fresh
         priors = fresh if self.widens else known
         if self.learns:  # Beside the residuals of these windows.
-            priors = priors.forgotten()
+            priors = priors.forgotten().narrowed(best, freed(best), self.corrections)
         return state._replace(
             step=0,
             model=best,

@@ -102,7 +102,8 @@ def _further(
 ) -> list[LevenbergStage]:
     """Up the ladder of corrections: friction's laws, their directions, how much of all that is needed, the networks.
 
-    Where priors are learned, friction's laws are free whatever was said of them before: what is not needed is narrowed.
+    Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
+    refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
     What depends on the direction is not, unless validation asked for it, or networks are free too: on a measured arm
     whose encoders have another zero in every recording it took up what these leave, and a recording held out was
     predicted worse. In longer windows priors are learned anew: these tell of parameters that shorter ones do not, and

@@ -23,6 +23,7 @@ _SETTLED: Final = 0.1  # Change of the evidence's logarithm that is none.
 _SILENT: Final = 1e-8  # Share of a group that the data determine, below which it is rounding.
 _LARGEST_CHANGE: Final = 3.0  # More, and which of several optima is found is a matter of rounding (`benchmarks/`).
 _PRECISIONS: Final = (1e-6, 1e8)
+_NARROW: Final = 1e4  # Precision of what must first show that it is needed; parameters are of the order of 1.
 
 
 class Relevance(NamedTuple):
@@ -62,6 +63,25 @@ class Relevance(NamedTuple):
     def forgotten(self) -> "Relevance":
         """The same priors where nothing is known of the residuals either."""
         return self.unrecorded()._replace(variance=jnp.zeros((), float))
+
+    def narrowed(self, model: PyTree, above: int, corrections: int) -> "Relevance":
+        """The same priors, but narrow ones for corrections that validation saw no need of.
+
+        From wide ones on, noise fills them before priors can be learned, and evidence has an optimum there too; from
+        narrow ones on they come in only where the evidence rises all the way.
+
+        Args:
+            model: Model.
+            above: Rung of the highest corrections that were kept.
+            corrections: Up to which rung they are free now.
+
+        Returns:
+            The priors.
+        """
+        kept, rest = eqx.partition(self.precision, trainable(model, corrections=above))
+        opened, closed = eqx.partition(rest, trainable(model, corrections=corrections))
+        opened = jax.tree.map(lambda x: jnp.maximum(x, _NARROW), opened)
+        return self._replace(precision=eqx.combine(kept, opened, closed))
 
     def precisions(self, model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
         """The precisions as a vector, in the order of the flat parameters.
