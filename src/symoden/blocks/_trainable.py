@@ -79,6 +79,19 @@ def highest_rung(model: PyTree, q: Coordinates) -> int:
     return max((correction.rung for correction in found if np.any(np.asarray(correction(q)))), default=0)
 
 
+def count_active(model: PyTree, q: Coordinates) -> int:
+    """Number of trainable parameters that do something: without those of corrections that were never needed.
+
+    Args:
+        model: Any tree of modules.
+        q: Any configuration of its space.
+
+    Returns:
+        Number of scalars.
+    """
+    return count_parameters(model, corrections=highest_rung(model, q))
+
+
 def count_parameters(model: PyTree, *, corrections: int = RUNGS) -> int:
     """Number of trainable parameters.
 

@@ -6,6 +6,7 @@ from symoden.experiments import Certainty, Inspection, Profile, RunConfig
 from symoden.spaces import Space
 
 from ._output import TableText, number
+from ._words import size_words
 
 
 def facts(found: Inspection) -> Iterator[tuple[str, str]]:
@@ -17,7 +18,7 @@ def facts(found: Inspection) -> Iterator[tuple[str, str]]:
     Yields:
         Name and value.
     """
-    yield "parameters", str(found.parameters)
+    yield "parameters", size_words(found.parameters, found.active)
     yield "what fixes the scale", found.anchor
     if found.units:
         yield "units, where the data are SI and inputs N or N m", found.units

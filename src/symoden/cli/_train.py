@@ -4,7 +4,9 @@ import dataclasses
 import sys
 from typing import Final
 
-from symoden.blocks import count_parameters
+import jax.numpy as jnp
+
+from symoden.blocks import count_active, count_parameters
 from symoden.experiments import (
     RunConfig,
     Source,
@@ -25,7 +27,7 @@ from ._arguments import Train
 from ._output import print_json
 from ._progress import show_progress
 from ._scores import report_scores
-from ._words import ensemble_words
+from ._words import ensemble_words, size_words
 
 _POOR: Final = 0.3  # Loss relative to the motion from which it is worth a word.
 
@@ -67,7 +69,9 @@ def run(command: Train) -> None:
     if command.general.json:
         print_json(_as_json(command, result) | scores)
     else:
-        print(f"{result.outcome}, after {result.seconds:.0f} s; {count_parameters(result.model)} parameters")
+        model = result.model
+        size = size_words(count_parameters(model), count_active(model, jnp.zeros(model.space.size)))
+        print(f"{result.outcome}, after {result.seconds:.0f} s; parameters: {size}")
         if result.ensemble is not None:
             words = ensemble_words(len(result.ensemble.members), result.ensemble.tried)
             enough = len(result.ensemble.members) >= FEWEST_MEMBERS

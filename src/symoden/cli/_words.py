@@ -28,6 +28,19 @@ def training_words(config: RunConfig) -> Iterator[str]:
     yield from (f"{stage}: {verdict}" for stage, verdict in config.trained.verdicts.items())
 
 
+def size_words(parameters: int, active: int) -> str:
+    """How many parameters a model has.
+
+    Args:
+        parameters: All of them.
+        active: Those that do something.
+
+    Returns:
+        The words.
+    """
+    return str(parameters) if active == parameters else f"{parameters}, {active} of them active"
+
+
 def name_unfinished(config: RunConfig) -> None:
     """Say on standard error that a run's training has not come to its end, if so.
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import count_parameters
+from symoden.blocks import count_active, count_parameters
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
 from symoden.models import GeometricModel, Given, StructuredModel, given_parts, parts_that_fix_the_scale
 from symoden.shapes import Coordinates, Rates
@@ -96,6 +96,7 @@ class Inspection:
     Attributes:
         space: Configuration space.
         parameters: Number of parameters.
+        active: Number of those that do something: without corrections that were never needed.
         anchor: What fixes the scale of inertia, energy and friction.
         units: Units of M, V and D where those of the data are SI; empty where nothing fixes the scale.
         given: Parts that were given, and how much of them.
@@ -110,6 +111,7 @@ class Inspection:
 
     space: str
     parameters: int
+    active: int
     anchor: str
     units: str
     given: dict[str, Given]
@@ -152,6 +154,7 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
     return Inspection(
         space=str(model.space),
         parameters=count_parameters(model),
+        active=count_active(model, jnp.zeros(model.space.size)),
         anchor=anchor(model),
         units=units(model),
         given=given_parts(model),
