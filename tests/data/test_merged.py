@@ -5,7 +5,7 @@ import polars as pl
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from symoden.data import DataWarning, check_dataset, read_dataset
+from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 from symoden.data._description import read_description
 from symoden.data._logs import angles, read_logs
 from symoden.data._merged import on_one_clock
@@ -162,12 +162,85 @@ def test_such_a_table_is_named_and_read_and_places_are_those_of_the_file(tmp_pat
     line = 2 + int(np.searchsorted(np.sort(np.concatenate([t, tu])), t[700]))
     (check,) = check_dataset(path).recordings
     assert [one.kind for one in check.findings if one.kind in {"clocks", "impossible"}] == ["clocks", "impossible"]
-    assert f"`u` has numbers at other times than the positions: {len(t)} of {len(t) + len(tu)} rows" in (
-        check.findings[0].text
-    )
+    said = f"`u` and the positions have numbers in different rows: {len(t)} of {len(t) + len(tu)} are used"
+    assert said in check.findings[0].text
     assert any(f"line {line} (row {line - 2})" in finding.text for finding in check.findings)
     with pytest.warns(DataWarning) as warned:
         dataset = read_dataset(path)
     assert ["brought to one clock" in str(each.message) for each in warned] == [True, False]
     assert "beyond 1e+20" in str(warned[1].message)
     assert sum(map(len, dataset.train)) >= len(t) - 5
+
+
+@pytest.mark.parametrize("wrong", [1e30, 30.0])
+@pytest.mark.parametrize("column", ["v1", "q2"])
+def test_wrong_samples_of_another_clock_are_named_and_left_out(tmp_path, column, wrong):
+    generator = np.random.default_rng(0)
+    first, second = clock(generator, 0.008), clock(generator, 0.006)
+    other = states(second).select("t", column)
+    other[500, column] = other[500, column] + wrong
+    rest = [name for name in ("q1", "q2", "v1", "v2") if name != column]
+    path = merged(tmp_path, states(first).select("t", *rest).with_columns(u=pl.Series(np.sin(first))), other)
+    line = 2 + int(np.searchsorted(np.sort(np.concatenate([first, second])), second[500]))
+    (check,) = check_dataset(path).recordings
+    (finding,) = [one for one in check.findings if one.kind in {"spike", "impossible"}]
+    assert finding.channel == column
+    assert f"line {line} (row {line - 2})" in finding.text
+    _, one = brought(path)
+    assert one.rates is not None
+    values = one.rates[:, 0] if column == "v1" else one.q[:, 1]
+    truth = velocity(one.ts - EPOCH)[:, 0] if column == "v1" else angle(one.ts - EPOCH)[:, 1]
+    assert np.nanmax(np.abs(values - truth)) < 0.01
+
+
+def test_faster_columns_are_averaged_over_a_step_not_thinned(tmp_path):
+    generator = np.random.default_rng(0)
+    t, fast = clock(generator, 0.01), clock(generator, 0.001)
+    ripple = states(fast).select("t", pl.col("v1") + pl.Series(np.sin(2 * np.pi * 493 * fast)), "v2")
+    path = merged(tmp_path, states(t).select("t", "q1", "q2").with_columns(u=1.0), ripple)
+    _, one = brought(path)
+    assert one.rates is not None
+    off = one.rates[:, 0] - velocity(t)[:, 0]
+    assert np.sqrt(np.nanmean(off**2)) < 0.15  # Of 0.7.
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_few_commands_are_held(tmp_path, count):
+    generator = np.random.default_rng(0)
+    t = clock(generator, 0.008)
+    path = merged(tmp_path, states(t), pl.DataFrame({"t": [0.5, 3.0, 7.0][:count], "u": [1.0, 2.0, -1.0][:count]}))
+    _, one = brought(path)
+    assert one.merged is not None
+    assert set(one.us[(t > 7.1), 0]) == {[1.0, 2.0, -1.0][count - 1]}
+
+
+def test_clocks_that_stamp_alike_for_a_while_are_two_all_the_same(tmp_path):
+    t = np.round(np.arange(0, 12, 0.01), 3)
+    drifting = np.round(np.arange(0, 12, 0.010002), 3)
+    path = merged(
+        tmp_path, states(t).select("t", "q1", "q2").with_columns(u=1.0), states(drifting).select("t", "v1", "v2")
+    )
+    _, one = brought(path)
+    assert one.merged is not None
+    assert one.rates is not None
+    assert np.isfinite(one.rates).all(axis=1).mean() > 0.99
+    assert np.nanmax(np.abs(one.rates - velocity(t))) < 0.02
+
+
+@pytest.mark.parametrize("shift", [1e6, -1e6])
+def test_clocks_that_have_no_time_in_common_are_refused(tmp_path, shift):
+    generator = np.random.default_rng(0)
+    t, tu = clock(generator, 0.008), clock(generator, 0.01)
+    path = merged(tmp_path, states(t), pl.DataFrame({"t": tu + shift, "u": tu}))
+    for read in (read_dataset, check_dataset):
+        with pytest.raises(DataError, match=r"column `t` must be of one clock; `u` has numbers from .* Bring the time"):
+            read(path)
+
+
+def test_an_input_that_is_silent_for_long_is_named(tmp_path):
+    generator = np.random.default_rng(0)
+    t, tu = clock(generator, 0.008), clock(generator, 0.01)
+    tu = tu[(tu < 5) | (tu > 7)]
+    (check,) = check_dataset(merged(tmp_path, states(t), pl.DataFrame({"t": tu, "u": np.sin(tu)}))).recordings
+    (finding,) = [one for one in check.findings if one.kind == "clocks" and one.level == "warning"]
+    assert finding.text.startswith("`u` has no number for 2")

@@ -4,7 +4,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from symoden.data import DataError, check_dataset, read_dataset
+from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 
 HEAD = """
 space = "R1"
@@ -15,6 +15,7 @@ inputs = ["u"]
 """
 TRAIN = '[train]\nfiles = ["runs.{ending}"]\n'
 SAMPLES = 60
+TEST = '[test]\nfiles = ["runs.csv"]\nrecordings = {}\n'
 
 
 def table(labels=(3, 1, 7), samples=SAMPLES):
@@ -51,11 +52,37 @@ def test_recordings_are_told_apart_in_the_order_in_which_they_begin(tmp_path, en
 
 
 def test_rows_of_one_recording_need_not_follow_each_other(tmp_path):
-    apart, mixed = table(), table().sort("u")
-    for name, frame in (("apart", apart), ("mixed", mixed.sort("t"))):
+    apart = table().with_columns(pl.col("t") % 1.0)
+    mixed = apart.sort("t")
+    assert len(set(mixed["trial"][:6])) == 3
+    read = {}
+    for name, frame in (("apart", apart), ("mixed", mixed)):
         (tmp_path / name).mkdir()
-        read = read_dataset(written(tmp_path / name, frame)).train
-        assert {each.name: len(each) for each in read} == {"runs-3": SAMPLES, "runs-1": SAMPLES, "runs-7": SAMPLES}
+        read[name] = {each.name: each for each in read_dataset(written(tmp_path / name, frame)).train}
+    assert set(read["apart"]) == set(read["mixed"]) == {"runs-3", "runs-1", "runs-7"}
+    for name, recording in read["apart"].items():
+        np.testing.assert_array_equal(read["mixed"][name].q, recording.q)
+
+
+@pytest.mark.parametrize(
+    "labels", [("7e123456", "4e567890"), ("20230629143524001", "20230629143524002"), ("002", "2"), (2**53, 2**53 + 1)]
+)
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_labels_that_differ_are_never_taken_for_one(tmp_path, labels, ending):
+    more = TEST.replace("csv", ending).format([labels[1]]).replace("'", '"')
+    dataset = read_dataset(written(tmp_path, table(labels), ending=ending, more=more))
+    assert names(dataset.train) == [f"runs-{labels[0]}"]
+    assert names(dataset.test) == [f"runs-{labels[1]}"]
+
+
+def test_an_incomplete_row_without_a_label_belongs_to_the_recording_before_it(tmp_path):
+    frame = table().with_columns(pl.col("trial").cast(pl.String))
+    for row in (0, 70, 3 * SAMPLES - 1):
+        frame[row, "trial"] = None
+        frame[row, "x"] = None
+    with pytest.warns(DataWarning, match="without all numbers"):
+        train = read_dataset(written(tmp_path, frame)).train
+    assert {each.name: len(each) for each in train} == dict.fromkeys(["runs-3", "runs-1", "runs-7"], SAMPLES - 1)
 
 
 def test_a_part_that_names_none_has_those_that_no_other_names(tmp_path):
@@ -82,16 +109,13 @@ def test_places_are_those_of_the_file(tmp_path):
     assert f"line {2 * SAMPLES + 7} (row {2 * SAMPLES + 5})" in finding.text
 
 
-TEST = '[test]\nfiles = ["runs.csv"]\nrecordings = {}\n'
-
-
 @pytest.mark.parametrize(
     ("more", "said"),
     [
         (TEST.format("[8]"), r"\[test\] `recordings` must name those of its files; got `8`.*They have `3, 1, 7`"),
         (TEST.format("[1, 3, 7]"), r"\[train\] must have recordings that no other part names; got none"),
         (TEST.format("7"), r"\[test\] `recordings` must be a list of numbers or texts, .*; got 7"),
-        (TEST.format("[1]") + TEST.format("[1]").replace("test", "validation"), r"both have recording `1`, rows 60 to"),
+        (TEST.format("[1]") + TEST.format("[1]").replace("test", "validation"), r"both have rows 60 to 119"),
     ],
 )
 def test_recordings_that_cannot_be_are_refused(tmp_path, more, said):

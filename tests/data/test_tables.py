@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings, strategies as st
 
 from symoden.data import DataError
 from symoden.data._readers import read_rows
-from symoden.data._tables import cut_row, find_layout, place, short_rows
+from symoden.data._tables import find_layout, find_short_lines, place
 
 ALL = slice(0, None)
 
@@ -62,10 +62,9 @@ def test_rows_begin_after_comments_names_and_units(tmp_path, separator, before, 
     np.testing.assert_array_equal(read_rows(path, {"x": chosen}, ALL).signals["x"], [[0, 1.5, -2]] * 3)
     first = path.read_text().splitlines().index(rows[0]) + 1
     assert place(path, 2) == f"line {first + 2} (row 2)"
-    assert cut_row(path) is None
+    assert find_short_lines(path) == (3, {}, None)
     path.write_text(path.read_text() + f"9{separator}")
-    assert cut_row(path) == 3
-    assert short_rows(path) == (3, {3: 1 if separator.isspace() else 2})
+    assert find_short_lines(path) == (3, {3: 1 if separator.isspace() else 2}, 3)
 
 
 LAYOUTS = [
@@ -99,7 +98,7 @@ def test_a_line_that_lacks_a_cell_between_blanks_lacks_all(tmp_path):
     path = written(tmp_path / "run.txt", "t q u\n0 1 2\n1   5\n2 3 4\n")
     read = read_rows(path, {"x": ("t", "q", "u")}, ALL).signals["x"]
     np.testing.assert_array_equal(read, [[0, 1, 2], [np.nan] * 3, [2, 3, 4]])
-    assert short_rows(path) == (3, {1: 2})
+    assert find_short_lines(path) == (3, {1: 2}, None)
 
 
 def test_columns_without_names_have_numbers(tmp_path):
@@ -132,8 +131,11 @@ def test_cells_that_hold_lists_are_columns(tmp_path, kind):
 @pytest.mark.parametrize(
     ("cells", "said"),
     [
-        ([[1.0, 2.0], [1.0]], r"the lists of column `q` must be of one length; got `1, 2`"),
+        ([[1.0, 2.0], [1.0]], r"the lists of column `q` must be of one length, at least 1; got `1, 2`"),
         ([["a"], ["b"]], r"column `q` must hold lists of numbers; got List\(String\)"),
+        ([[{"x": 1}], [{"x": 2}]], r"column `q` must hold lists of numbers; got List\(Struct"),
+        ([None, None], r"column `q` must hold"),
+        ([[], []], r"column `q` must hold lists of numbers; got List\(Null\)"),
     ],
 )
 def test_lists_that_are_no_columns_are_refused(tmp_path, cells, said):
@@ -208,7 +210,7 @@ def test_a_row_of_a_file_that_is_no_text_is_no_line(tmp_path):
 @pytest.mark.parametrize("ending", ["", "\r"])
 def test_a_line_in_whose_middle_a_file_ends_has_no_numbers(tmp_path, last, ending):
     path = written(tmp_path / "run.csv", f"a,b,c{ending}\n1,2,3{ending}\n{last}")
-    assert cut_row(path) == 1
+    assert find_short_lines(path).cut == 1
     read = read_rows(path, {"x": ("a", "b", "c")}, ALL).signals["x"]
     np.testing.assert_array_equal(read, [[1, 2, 3], [np.nan] * 3])
 
@@ -216,7 +218,7 @@ def test_a_line_in_whose_middle_a_file_ends_has_no_numbers(tmp_path, last, endin
 @pytest.mark.parametrize("text", ["a,b\n1,2", "a,b\n1,2\n", "a,b\n1,2\n  ", "a,b", "a,b\n1,2\n3\n"])
 def test_a_file_that_does_not_end_in_the_middle_of_a_line_keeps_its_numbers(tmp_path, text):
     path = written(tmp_path / "run.csv", text)
-    assert cut_row(path) is None
+    assert find_short_lines(path).cut is None
     read = read_rows(path, {"x": ("a",)}, ALL).signals["x"]
     assert len(read) == len(text.split()) - 1
     assert np.isfinite(read).all()

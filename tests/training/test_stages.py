@@ -205,6 +205,9 @@ def test_what_validation_refused_begins_with_narrow_priors_where_these_are_learn
     kept = restore(theta + 0.1)  # What is free and not zero was kept.
     assert opened(kept) == [[50.0]] * 3
     assert dataclasses.replace(learning, learns=False).start(state).memory is state.memory
+    memory = learning.start(state).memory  # Learned since, and not zero any more; longer windows begin wide but for it.
+    longer = dataclasses.replace(learning, widens=True).start(state._replace(best=kept, model=kept, memory=memory))
+    assert sorted(set(longer.memory.precisions(model, FRICTION))) == [learning.config.prior, 1e4]
 
 
 def test_a_stage_may_begin_with_wide_priors_and_what_was_learned_comes_back_if_it_is_refused(stage, monkeypatch):

@@ -11,6 +11,7 @@ import polars as pl
 from ._errors import DataError, listing, missing
 from ._tables import NOTHING, place
 
+_WHOLE: Final = re.compile(r"^([+-]?\d+)\.0*$")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
@@ -63,60 +64,57 @@ def lists(path: Path, frame: pl.DataFrame, name: str) -> np.ndarray:
     column = frame[name]
     if isinstance(column.dtype, pl.Array):
         column = column.arr.to_list()
+    inner = column.dtype.inner if isinstance(column.dtype, pl.List) else column.dtype
+    if not (inner.is_numeric() or inner == pl.Boolean):
+        raise DataError(f"`{path}`: column `{name}` must hold lists of numbers; got {column.dtype}.")
     lengths = column.list.len().drop_nulls().unique().sort().to_list()
-    if len(lengths) > 1:
+    if len(lengths) != 1 or not lengths[0]:
         raise DataError(
-            f"`{path}`: the lists of column `{name}` must be of one length; got {listing(map(str, lengths))}. Write a "
-            "column for each number, or leave these rows out by `rows`."
+            f"`{path}`: the lists of column `{name}` must be of one length, at least 1; got "
+            f"{listing(map(str, lengths))}. Write a column for each number, or leave these rows out by `rows`."
         )
-    size = lengths[0] if lengths else 0
-    try:
-        items = [column.list.get(i).cast(pl.Float64).fill_null(math.nan).to_numpy() for i in range(size)]
-    except pl.exceptions.PolarsError as error:
-        raise DataError(f"`{path}`: column `{name}` must hold lists of numbers; got {column.dtype}.") from error
-    return np.stack(items, axis=1).astype(np.float64) if items else np.zeros((len(column), 0))
+    items = [column.list.get(i).cast(pl.Float64).fill_null(math.nan).to_numpy() for i in range(lengths[0])]
+    return np.stack(items, axis=1).astype(np.float64)
 
 
-def texts(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np.ndarray:
+def texts(path: Path, frame: pl.DataFrame, name: str) -> np.ndarray:
     """Take a column of words, or of numbers that stand for words, out of a table.
 
     Args:
         path: File, for messages.
         frame: The table, rows already selected.
         name: The column.
-        first_row: Row of the file that is the table's first row, for messages.
 
     Returns:
-        What its cells say; numbers as short as they can be, `3` for `3.0`.
+        What its cells say, `3` for `3.0`; nothing where one is empty.
 
     Raises:
-        DataError: If the column is absent or twice there, a cell is empty, or holds a list.
+        DataError: If the column is absent or twice there, or holds neither numbers nor words.
     """
     column = _column(path, frame, name)
-    if column.dtype.is_nested():
+    if column.dtype.is_float():
+        return np.array([label(value) for value in column.fill_null(math.nan).to_list()], str)
+    if not (column.dtype.is_integer() or column.dtype in (pl.String, pl.Boolean, pl.Categorical, pl.Enum)):
         raise DataError(f"`{path}`: column `{name}` must hold numbers or words; got {column.dtype}.")
-    words = column.cast(pl.String).str.strip_chars()
-    values = words.cast(pl.Float64, strict=False)
-    empty = _is_empty(words) | values.is_nan().fill_null(value=False)
-    if empty.any():
-        where = place(path, first_row + int(empty.arg_max() or 0))
-        raise DataError(
-            f"`{path}`: column `{name}`, {where}: must say which recording the row belongs to; got nothing. Fill it "
-            "in, or leave the row out by `rows`."
-        )
-    return np.array([word if value is None else short(value) for word, value in zip(words, values, strict=True)], str)
+    words = column.cast(pl.String).fill_null("").str.strip_chars()
+    empty = _is_empty(words) | (words.str.to_lowercase() == "nan")
+    return np.array(["" if none else label(word) for word, none in zip(words, empty, strict=True)], str)
 
 
-def short(value: float) -> str:
-    """A number as short as it can be.
+def label(value: str | float) -> str:
+    """What names a recording: a word as it is, a whole number without a point, nothing for a number that is none.
 
     Args:
-        value: The number.
+        value: The word or number.
 
     Returns:
-        Its digits, a whole number without a point.
+        The name.
     """
-    return str(int(value)) if value.is_integer() else str(value)
+    if isinstance(value, str):
+        return _WHOLE.sub(r"\1", value)
+    if math.isnan(value):
+        return ""
+    return str(int(value)) if float(value).is_integer() else str(value)
 
 
 def _column(path: Path, frame: pl.DataFrame, name: str) -> pl.Series:

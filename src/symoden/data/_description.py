@@ -9,7 +9,7 @@ from typing import Any, Final, Literal, NoReturn, TypeAlias
 
 from symoden.known import KnownParts
 
-from ._cells import short
+from ._cells import label
 from ._errors import DataError, listing, nearest
 from ._known import read_known
 from ._readers import Selector
@@ -237,7 +237,7 @@ def _labels(value: object) -> tuple[str, ...]:
     """A list of numbers or texts, at least one, as texts."""
     if not isinstance(value, list) or not value or not all(isinstance(x, str) or _is_number(x) for x in value):
         _fail('a list of numbers or texts, such as [3, 7] or ["monday"]')
-    return tuple(item if isinstance(item, str) else short(float(item)) for item in value)
+    return tuple(str(item) if isinstance(item, int) else label(item) for item in value)
 
 
 def _selector(value: object) -> Selector:

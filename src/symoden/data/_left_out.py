@@ -9,7 +9,7 @@ from ._findings import SHOWN_SPANS, Finding
 from ._limits import LARGEST_NUMBER
 from ._logs import Log
 from ._masking import Mask
-from ._tables import cut_row, is_text, short_rows
+from ._tables import find_short_lines, is_text
 
 _ESTIMATED = " Velocities can be left out: they are then estimated from the positions."
 
@@ -38,28 +38,42 @@ def find_masked(log: Log, mask: Mask) -> list[Finding]:
 
 
 def find_merged(log: Log) -> list[Finding]:
-    """Say that a table had several clocks, if so.
+    """Say that a table had several clocks, and what became of its columns, if so.
 
     Args:
         log: What was logged, brought to one clock.
 
     Returns:
-        The finding, or none.
+        The findings, or none.
     """
     if log.merged is None:
         return []
     columns = ", ".join(f"`{name}`" for name in log.merged.columns)
-    have = "has" if len(log.merged.columns) == 1 else "have"
+    silences = [
+        Finding(
+            kind="clocks",
+            level="warning",
+            channel=each.channel,
+            text=f"`{each.channel}` has no number for {each.end - each.start:.3g} s, from {each.start:.10g} s on, far "
+            "longer than usual: it is held meanwhile",
+            advice="Nothing need be done if it is sent when it changes; if messages were lost, leave that time out by "
+            "`rows`.",
+            spans=((each.start, each.end),),
+        )
+        for each in log.merged.silences
+    ]
     return [
         Finding(
             kind="clocks",
             level="note",
             channel=log.merged.columns[0] if len(log.merged.columns) == 1 else "",
-            text=f"{columns} {have} numbers at other times than the positions: {len(log)} of {log.merged.rows} rows "
-            "are those of the positions",
+            text=f"{columns} and the positions have numbers in different rows: {len(log)} of {log.merged.rows} are "
+            "used, those of the positions",
             advice="Nothing need be done: held inputs act as their mean over each step, the others are interpolated. "
             "Where a sensor fails that often, leave its column or the file out.",
-        )
+        ),
+        *silences,
+        *(_lone(each.channel, each.samples, each.largest, each.place) for each in log.merged.left),
     ]
 
 
@@ -119,9 +133,9 @@ def _short_lines(log: Log) -> _Short:
     incomplete = np.flatnonzero(~log.complete)
     if not len(incomplete) or not is_text(log.path):
         return _Short()
-    named, cells = short_rows(log.path)
+    named, cells, last = find_short_lines(log.path)
     rows = [int(row) for row in incomplete if log.rows[row] in cells]
-    cut = cut_row(log.path) == int(log.rows[-1])
+    cut = last == int(log.rows[-1])
     return _Short(rows=np.array(rows, int), cells=[cells[int(log.rows[row])] for row in rows], named=named, cut=cut)
 
 
@@ -168,18 +182,28 @@ def _time_of(log: Log, first: int, last: int) -> tuple[float, float]:
 def _spikes(log: Log, mask: Mask) -> list[Finding]:
     """Samples that stand out alone."""
     return [
-        Finding(
-            kind="spike",
-            level="masked",
-            channel=each.channel,
-            text=f"`{each.channel}` has {len(each.rows)} sample{'s' if len(each.rows) > 1 else ''} that "
-            f"{'stand' if len(each.rows) > 1 else 'stands'} out alone, by {each.largest:.3g} at most, first at "
-            f"{log.place(int(each.rows[0]))}",
-            advice="These rows are left out. If there are many, look for an encoder that loses counts or a faulty bus.",
-            spans=tuple((float(log.ts[row]), float(log.ts[row])) for row in each.rows[:SHOWN_SPANS]),
+        _lone(
+            each.channel,
+            len(each.rows),
+            each.largest,
+            log.place(int(each.rows[0])),
+            tuple((float(log.ts[row]), float(log.ts[row])) for row in each.rows[:SHOWN_SPANS]),
         )
         for each in mask.spikes
     ]
+
+
+def _lone(channel: str, count: int, largest: float, where: str, spans: tuple[tuple[float, float], ...] = ()) -> Finding:
+    """Samples of one column that stand out alone."""
+    return Finding(
+        kind="spike",
+        level="masked",
+        channel=channel,
+        text=f"`{channel}` has {count} sample{'s' if count > 1 else ''} that {'stand' if count > 1 else 'stands'} out "
+        f"alone, by {largest:.3g} at most, first at {where}",
+        advice="These are left out. If there are many, look for an encoder that loses counts or a faulty bus.",
+        spans=spans,
+    )
 
 
 def _gaps(mask: Mask) -> list[Finding]:

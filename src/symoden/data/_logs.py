@@ -2,7 +2,7 @@
 
 import dataclasses
 import itertools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -35,16 +35,50 @@ class Impossible:
     place: str
 
 
+class Left(NamedTuple):
+    """Single samples of a column of another clock that stand out alone, and were left out of it.
+
+    Attributes:
+        channel: Name of the column.
+        samples: How many.
+        largest: Largest deviation from what the neighbours say, in SI or rad.
+        place: Where the first one is in the file.
+    """
+
+    channel: str
+    samples: int
+    largest: float
+    place: str
+
+
+class Silence(NamedTuple):
+    """Time for which a held input had no number, far longer than it usually has none.
+
+    Attributes:
+        channel: Name of the column.
+        start: When it began [s].
+        end: When it ended [s].
+    """
+
+    channel: str
+    start: float
+    end: float
+
+
 class Merged(NamedTuple):
     """That a table had several clocks, and was brought to that of the positions.
 
     Attributes:
         rows: Rows that it had.
-        columns: Names of the columns that had numbers at other times than the positions.
+        columns: Names of the columns that had numbers in other rows than the positions.
+        left: Their samples that were left out.
+        silences: The longest of each of the inputs that has one.
     """
 
     rows: int
     columns: tuple[str, ...]
+    left: tuple[Left, ...] = ()
+    silences: tuple[Silence, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,15 +213,23 @@ def _refuse_other_size(path: Path, space: str, is_angle: np.ndarray, columns: in
 
 def _refuse_overlaps(path: Path, parts: Mapping[str, tuple[Rows, ...]]) -> None:
     """Refuse rows that are in two parts: a test on what was learned from tells nothing."""
-    for (name, rows), (other_name, other_rows) in itertools.combinations(parts.items(), 2):
-        for one, other in itertools.product(rows, other_rows):
-            shared = np.intersect1d(one.index, other.index, assume_unique=True)
-            if one.path.samefile(other.path) and len(shared):
-                what = "rows" if one.label is None else f"recording `{one.label}`, rows"
+    read = {name: _by_file(rows) for name, rows in parts.items()}
+    for (name, files), (other_name, other_files) in itertools.combinations(read.items(), 2):
+        for file in files.keys() & other_files.keys():
+            shared = np.intersect1d(files[file], other_files[file], assume_unique=True)
+            if len(shared):
                 raise DataError(
-                    f"`{path}`: [{name}] and [{other_name}] must have no rows in common; both have {what} {shared[0]} "
-                    f"to {shared[-1]} of `{one.path}`. Name other files, or other `rows`."
+                    f"`{path}`: [{name}] and [{other_name}] must have no rows in common; both have rows {shared[0]} "
+                    f"to {shared[-1]} of `{file}`. Name other files, other `rows` or `recordings`."
                 )
+
+
+def _by_file(part: Sequence[Rows]) -> dict[Path, np.ndarray]:
+    """Rows of each file that a part has."""
+    found: dict[Path, list[np.ndarray]] = {}
+    for rows in part:
+        found.setdefault(rows.path.resolve(), []).append(rows.index)
+    return {path: np.concatenate(each) for path, each in found.items()}
 
 
 def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) -> Log:
@@ -198,7 +240,8 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
         raise DataError(
             f"`{rows.path}`: {which}a recording must have at least 2 rows; got {len(rows)}"
             + (f", from row {rows.index[0]} on" if chosen and len(rows) else "")
-            + f". {'Correct `rows`, or leave' if chosen else 'Leave'} it out."
+            + f". {'Correct `rows`, or leave' if chosen else 'Leave'} it out"
+            + (": name the others by `recordings`." if rows.label else ".")
         )
     rows, impossible = _without_impossible(rows)
     q, rates = rows.signals["positions"], rows.signals.get("rates")

@@ -9,6 +9,7 @@ from ._description import Description, Part
 from ._errors import DataError, listing, nearest
 from ._files import find_files
 from ._readers import Rows, read_rows
+from ._tables import place
 from ._units import in_si
 
 
@@ -54,17 +55,37 @@ def _read_part(path: Path, description: Description, part: Part) -> tuple[Rows, 
                 read_rows(file, description.selectors, slice(*part.rows), description.recording),
                 description.units,
                 description.zeros,
-            )
+            ),
+            description.recording,
         )
     )
 
 
-def _apart(rows: Rows) -> list[Rows]:
+def _apart(rows: Rows, recording: str | None) -> list[Rows]:
     """Rows of each recording, in the order in which they begin."""
     if rows.labels is None or not len(rows):
         return [rows]
-    labels, first, inverse = np.unique(rows.labels, return_index=True, return_inverse=True)
-    return [rows.take(np.flatnonzero(inverse == i), str(labels[i])) for i in np.argsort(first)]
+    labels, first, inverse = np.unique(_filled(rows, recording), return_index=True, return_inverse=True)
+    ends = np.cumsum(np.bincount(inverse))[:-1]
+    members = np.split(np.argsort(inverse, kind="stable"), ends)
+    return [rows.take(members[i], str(labels[i])) for i in np.argsort(first)]
+
+
+def _filled(rows: Rows, recording: str | None) -> np.ndarray:
+    """Labels of rows; one that lacks it, and a number too, belongs to the recording of the row before it."""
+    labels = np.asarray(rows.labels)
+    empty = labels == ""
+    whole = np.isfinite(np.concatenate(list(rows.signals.values()), axis=1)).all(axis=1)
+    bad = np.flatnonzero(empty & whole)
+    if len(bad) or empty.all():
+        where = place(rows.path, int(rows.index[bad[0] if len(bad) else 0]))
+        raise DataError(
+            f"`{rows.path}`: column `{recording}`, {where}: must say which recording the row belongs to; got nothing. "
+            "Fill it in, or leave the row out by `rows`."
+        )
+    last = np.maximum.accumulate(np.where(empty, 0, np.arange(len(labels))))
+    last[last == 0] = np.flatnonzero(~empty)[0] if empty[0] else 0
+    return labels[last]
 
 
 def _chosen(path: Path, name: str, wanted: Sequence[str], every: Sequence[Rows]) -> tuple[Rows, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from ._arrays import read_hdf5, read_mat, read_npz
-from ._cells import holds_lists, lists, numbers, short, texts
+from ._cells import holds_lists, label, lists, numbers, texts
 from ._errors import DataError, listing
 from ._shapes import Signals
 from ._tables import TEXTS, read_csv, read_parquet
@@ -115,7 +115,7 @@ def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice, reco
     columns = {name: lists(path, frame, name) for name in nested}
     plain = [name for name in wanted if variable_of(name) not in columns]
     columns |= {name: numbers(path, frame, name, first_row=first)[:, None] for name in plain}
-    labels = None if recording is None else texts(path, frame, recording, first_row=first)
+    labels = None if recording is None else texts(path, frame, recording)
     return _rows_of(path, selectors, columns, index, labels)
 
 
@@ -130,7 +130,7 @@ def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, rec
     labels = None
     if recording is not None:
         labels = np.array(
-            [short(x) for x in _single(path, recording, _picked(path, recording, columns))[:, 0].tolist()]
+            [label(x) for x in _single(path, recording, _picked(path, recording, columns))[:, 0].tolist()]
         )
     return _rows_of(path, selectors, columns, index, labels)
 

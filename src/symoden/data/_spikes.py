@@ -70,22 +70,36 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
         return ()
     ts, q = log.ts[rows], log.q[rows]
     q[:, is_angle] = _unwrapped(q[:, is_angle])
-    steps = np.diff(ts)
-    gaps = np.flatnonzero(steps > longest_step(steps))
-    near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
-    slopes = np.diff(q, axis=0) / steps[:, None]
+    slopes = np.diff(q, axis=0) / np.diff(ts)[:, None]
     signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
     found = []
     for role, signal in signals.items():
         for name, column, slope in zip(log.names[role], signal.T, slopes.T, strict=True):
-            off, weights = _deviations(ts, column)
-            alone = _spikes(column, off, weights, coarsest=_COARSEST[role])
-            alone = alone[~near_gap[alone]]
+            alone, off = lone_samples(ts, column, role)
             if role == "rates":
                 alone = alone[~_confirmed(column, off, slope, alone)]
             if len(alone):
                 found.append(Spikes(channel=name, rows=rows[alone], largest=float(np.abs(off[alone]).max())))
     return tuple(found)
+
+
+def lone_samples(ts: Times, signal: Float[np.ndarray, " T"], role: str) -> tuple[Int[np.ndarray, " k"], np.ndarray]:
+    """Find single samples of one column that their neighbours on both sides contradict, none of them beside a gap.
+
+    Args:
+        ts: Increasing time stamps [s], at least five.
+        signal: The column, an angle without jumps.
+        role: "positions" or "rates".
+
+    Returns:
+        Their indices, and how far each sample is from what its neighbours say.
+    """
+    steps = np.diff(ts)
+    gaps = np.flatnonzero(steps > longest_step(steps))
+    near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
+    off, weights = _deviations(ts, signal)
+    alone = _spikes(signal, off, weights, coarsest=_COARSEST[role])
+    return alone[~near_gap[alone]], off
 
 
 def _unwrapped(q: Signals) -> Signals:

@@ -1,6 +1,7 @@
 """Reading tables: text, also compressed, and Parquet."""
 
 import csv
+import functools
 import gzip
 import itertools
 import re
@@ -139,9 +140,22 @@ def place(path: Path, row: int) -> str:
     """
     if not is_text(path):
         return f"row {row}"
+    return f"line {_first_line(path, _version(path)) + row} (row {row})"
+
+
+@functools.lru_cache(maxsize=16)
+def _first_line(path: Path, version: tuple[int, int]) -> int:
+    """Line of the first row of a version of a file."""
+    del version
     with _opened(path) as file:
         beginning = file.read(_BEGINNING).decode("utf-8-sig", errors="ignore")
-    return f"line {find_layout(beginning).line + row} (row {row})"
+    return find_layout(beginning).line
+
+
+def _version(path: Path) -> tuple[int, int]:
+    """What differs once a file was written anew."""
+    found = path.stat()
+    return found.st_mtime_ns, found.st_size
 
 
 def is_text(path: Path) -> bool:
@@ -149,34 +163,42 @@ def is_text(path: Path) -> bool:
     return path.name.lower().removesuffix(".gz").endswith(TEXTS)
 
 
-def cut_row(path: Path) -> int | None:
-    """Row of the last line of a table of text, if the file ends in the middle of it.
+class Lines(NamedTuple):
+    """Which lines of a table of text are no whole rows; these are counted from 0.
+
+    Attributes:
+        named: Number of columns.
+        short: How many cells each row has that has fewer; empty ones do not count.
+        cut: The last row, if the file ends in the middle of it.
+    """
+
+    named: int
+    short: Mapping[int, int]
+    cut: int | None
+
+
+def find_short_lines(path: Path) -> Lines:
+    """Find lines of a table of text with fewer cells than there are columns.
 
     Args:
         path: File that `read_csv` reads.
 
     Returns:
-        The row, counted from 0; nothing if the last line is whole.
+        These lines.
     """
-    text = _text(path)
-    layout = find_layout(text)
-    return text[layout.start :].rstrip().count("\n") if _is_cut(text, layout) else None
+    return _short_lines(path, _version(path))
 
 
-def short_rows(path: Path) -> tuple[int, Mapping[int, int]]:
-    """Find lines of a table of text with fewer cells than there are columns; empty ones do not count.
-
-    Args:
-        path: File that `read_csv` reads.
-
-    Returns:
-        The number of columns, and how many cells each such row has, counted from 0.
-    """
+@functools.lru_cache(maxsize=2)
+def _short_lines(path: Path, version: tuple[int, int]) -> Lines:
+    """Those of a version of a file: asked for by each of its recordings."""
+    del version
     text = _text(path)
     layout = find_layout(text)
     named, body = len(layout.names), text[layout.start :].rstrip()
     cells = {row: layout.count(line) for row, line in enumerate(body.split("\n")) if line.strip()}
-    return named, {row: count for row, count in cells.items() if count < named}
+    short = {row: count for row, count in cells.items() if count < named}
+    return Lines(named, short, body.count("\n") if _is_cut(text, layout) else None)
 
 
 def _text(path: Path) -> str:

@@ -85,7 +85,8 @@ class LevenbergStage(AbstractStage):
         known = state.memory if isinstance(state.memory, Relevance) else fresh
         priors = fresh if self.widens else known
         if self.learns:  # Beside the residuals of these windows.
-            priors = priors.forgotten().narrowed(best, freed(best), self.corrections)
+            kept = known.kept if self.widens and known.kept >= 0 else freed(best)
+            priors = priors.forgotten().narrowed(best, int(kept), self.corrections)
         return state._replace(
             step=0,
             model=best,
@@ -136,9 +137,11 @@ class LevenbergStage(AbstractStage):
         return state, Report(step.after, validation, ended, outcome, verdict)
 
     def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
-        """With what comes of the priors as they are by now, if that is to be kept."""
-        if not self.learns or not state.step:
+        """With what came of it so far, the priors as they are by now, if that is to be kept."""
+        if not state.step:
             return state, ""
+        if not self.learns:
+            return self._concluded(state)
         loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self._judged)
         return self._concluded(state._replace(best=state.model, best_loss=loss))
 

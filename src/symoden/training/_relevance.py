@@ -35,11 +35,13 @@ class Relevance(NamedTuple):
             it is not known.
         evidence: Its logarithm by the linearised model, but for what all priors beside this variance share; −∞ before
             any were learned.
+        kept: Up to which rung corrections were kept before any priors were learned; −1 as long as none are.
     """
 
     precision: PyTree
     variance: Float[Array, ""]
     evidence: Float[Array, ""]
+    kept: Int[Array, ""]
 
     @classmethod
     def start(cls, model: PyTree, prior: float) -> "Relevance":
@@ -54,7 +56,7 @@ class Relevance(NamedTuple):
         """
         free = eqx.filter(model, trainable(model))
         precision = jax.tree.map(lambda x: jnp.full(x.shape, prior, float), free)
-        return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float))
+        return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float), jnp.asarray(-1))
 
     def unrecorded(self) -> "Relevance":
         """The same priors where nothing is known of their evidence."""
@@ -81,7 +83,7 @@ class Relevance(NamedTuple):
         kept, rest = eqx.partition(self.precision, trainable(model, corrections=above))
         opened, closed = eqx.partition(rest, trainable(model, corrections=corrections))
         opened = jax.tree.map(lambda x: jnp.maximum(x, _NARROW), opened)
-        return self._replace(precision=eqx.combine(kept, opened, closed))
+        return self._replace(precision=eqx.combine(kept, opened, closed), kept=jnp.asarray(above))
 
     def precisions(self, model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
         """The precisions as a vector, in the order of the flat parameters.
@@ -173,7 +175,8 @@ class Relevance(NamedTuple):
         parts = zip(np.split(precision[groups], ends), shapes, strict=True)
         learned = jax.tree.unflatten(structure, [jnp.asarray(part.reshape(shape), float) for part, shape in parts])
         evidence -= (equations.loss * count + (pull - gradient) @ theta) / 2
-        return Relevance(eqx.combine(learned, rest), jnp.asarray(variance, float), jnp.asarray(evidence, float))
+        found = eqx.combine(learned, rest)
+        return Relevance(found, jnp.asarray(variance, float), jnp.asarray(evidence, float), self.kept)
 
 
 def _posterior(

@@ -180,7 +180,7 @@ def run(
         if report.finished:
             state = _next(stages, state)
         journal.write(state, lines, seconds=seconds)
-        if now.step:  # Else the stage had nothing to do.
+        if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             progress(now)
         if watch.is_over and state.stage < len(stages):
             left = stages[state.stage :]
