@@ -116,6 +116,29 @@ def test_parquet_is_read_by_column(tmp_path):
     np.testing.assert_array_equal(found.signals["x"], [[0, 2], [1, 3]])
 
 
+@pytest.mark.parametrize("shift", ["", "Z", "+00:00", "+0200"])
+@pytest.mark.parametrize("between", ["T", " "])
+def test_dates_are_seconds_since_1970(tmp_path, between, shift):
+    times = [f"2025-10-09{between}08:53:20{part}{shift}" for part in ("", ".008", ".016500")]
+    path = written(tmp_path / "run.csv", "t,q\n" + "".join(f"{time},1\n" for time in times) + ",1\n")
+    found = read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0]
+    start = 1.76e9 - (7200 if shift == "+0200" else 0)
+    np.testing.assert_allclose(found, [start, start + 0.008, start + 0.0165, np.nan], atol=1e-6, rtol=0)
+
+
+def test_date_types_are_seconds_since_1970_too(tmp_path):
+    stamps = pl.Series([1_760_000_000_008, None]).cast(pl.Datetime("ms", "Europe/Berlin"))
+    pl.DataFrame({"t": stamps}).write_parquet(tmp_path / "run.parquet")
+    found = read_rows(tmp_path / "run.parquet", {"x": ("t",)}, ALL).signals["x"][:, 0]
+    np.testing.assert_allclose(found, [1_760_000_000.008, np.nan], atol=1e-6, rtol=0)
+
+
+def test_a_date_among_others_that_is_none_is_named(tmp_path):
+    path = written(tmp_path / "run.csv", "t\n2025-10-09T08:53:20\n2025-10-09T08:53\nnever\n")
+    with pytest.raises(DataError, match=r"column `t`, line 2 \(row 0\): must be a number or empty; got '2025"):
+        read_rows(path, {"x": ("t",)}, ALL)
+
+
 @pytest.mark.parametrize("kind", [pl.List(pl.Float32), pl.Array(pl.Float64, 2)])
 def test_cells_that_hold_lists_are_columns(tmp_path, kind):
     path = tmp_path / "run.parquet"

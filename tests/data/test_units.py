@@ -90,12 +90,13 @@ def test_degrees_are_unwrapped_as_angles(tmp_path):
 @pytest.mark.parametrize(
     ("units", "message"),
     [
-        ('w = "deg"', r"`units` must name columns that are read; got `w`\..* These are `t, q, v, u`"),
+        ('w = "deg"', r"`units` must name columns that are read, which are `t, q, v, u`; got `w`\."),
         (
             'q = "degree"',
             r"`units` of `q` must be a factor or one of the units `rad, deg, .* s, ms, us, ns`\. Did you mean `deg`\?",
         ),
         ("q = 0", "`units` of `q` must be the name of a unit, or a factor: a finite number other than 0"),
+        ('q.position = "deg"', 'a table of columns; a name with dots stands in quotes, such as "q.position"'),
         ("q = true", "`units` of `q` must be the name of a unit"),
         ("q = [1, 2]", "`units` of `q` must be the name of a unit"),
     ],
@@ -156,7 +157,7 @@ def test_what_columns_show_at_zero_is_subtracted_in_their_own_unit(tmp_path):
 @pytest.mark.parametrize(
     ("zeros", "message"),
     [
-        ("{w = 1.0}", r"`zeros` must name columns that are read; got `w`\."),
+        ("{w = 1.0}", r"`zeros` must name columns that are read, .*; got `w`\."),
         ('{q = "30 deg"}', "`zeros` must be a table of columns and finite numbers"),
         ("{q = nan}", "`zeros` must be a table of columns and finite numbers"),
         ("0.5", "`zeros` must be a table of columns and finite numbers"),

@@ -12,6 +12,8 @@ from ._errors import DataError, listing, missing
 from ._tables import NOTHING, place
 
 _WHOLE: Final = re.compile(r"^([+-]?\d+)\.0*$")
+_DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_ZONE: Final = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
@@ -25,7 +27,8 @@ def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np
         first_row: Row of the file that is the table's first row, for messages.
 
     Returns:
-        The column; NaN where a cell is empty or says that it is.
+        The column; NaN where a cell is empty or says that it is. Dates with a time are seconds since 1970, UTC where
+        they name no zone.
 
     Raises:
         DataError: If the column is absent or twice there, or a cell is no number.
@@ -33,6 +36,8 @@ def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np
     column = _column(path, frame, name)
     if column.dtype == pl.String:
         column = column.str.strip_chars()
+    column = _seconds(column)
+    if column.dtype == pl.String:
         cast = column.cast(pl.Float64, strict=False)
         _refuse_text(path, name, column, cast.is_null() & ~_is_empty(column), first_row)
     elif column.dtype.is_numeric() or column.dtype == pl.Boolean:
@@ -128,6 +133,21 @@ def _column(path: Path, frame: pl.DataFrame, name: str) -> pl.Series:
     return frame[name]
 
 
+def _seconds(column: pl.Series) -> pl.Series:
+    """Dates with a time, also ISO 8601's as text, as seconds since 1970; another column as it is."""
+    if column.dtype == pl.String:
+        first = column.drop_nulls().head(1).to_list()
+        if not first or not _DATE.match(first[0]):
+            return column
+        try:
+            column = column.str.to_datetime(time_unit="ns", time_zone="UTC" if _ZONE.search(first[0]) else None)
+        except pl.exceptions.PolarsError:
+            return column  # Its words will be named.
+    if column.dtype != pl.Datetime:
+        return column
+    return column.dt.epoch("ns").cast(pl.Float64) / 1e9
+
+
 def _is_empty(column: pl.Series) -> pl.Series:
     """Which cells of a column of texts say nothing, or that nothing is there."""
     return column.str.to_lowercase().is_in(NOTHING).fill_null(value=True)
@@ -139,6 +159,10 @@ def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first
     if row is not None:
         where = place(path, first_row + row)
         advice = "Correct it, or select rows without it by `rows`."
+        if _DATE.match(column[row]):
+            advice = (
+                "Dates are read where all of the column are of one form of ISO 8601, such as 2025-10-09T08:53:20.25Z."
+            )
         if _DECIMAL_COMMA.fullmatch(column[row]):
             advice = "Decimal commas are not read: write the file again with decimal points (1.5 instead of 1,5)."
         raise DataError(f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}")

@@ -188,7 +188,9 @@ def _out_of_order(log: Log) -> list[Finding]:
             level="refused",
             channel=log.names["time"][0] if "time" in log.names else "",
             text=f"{len(late)} {said} not increase ({what}), {first}",
-            advice="Sort the rows by time and keep one of each; if a clock was set back, cut the file there by `rows`.",
+            advice="If the file holds several recordings, one after the other, name the column that tells them apart: "
+            '`recording = "trial"`. Else sort the rows by time and keep one of each; if a clock was set back, cut the '
+            "file there by `rows`.",
             spans=tuple((float(log.ts[b]), float(log.ts[a])) for b, a in zip(before, after, strict=True))[:SHOWN_SPANS],
         )
     ]

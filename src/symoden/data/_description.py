@@ -202,8 +202,8 @@ def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mappin
     for column in named:
         if not is_named(column, selectors):
             raise DataError(
-                f"`{path}`: `{key}` must name columns that are read; got `{column}`.{nearest(column, read)} "
-                f"These are {listing(read)}. Spell both as the files do."
+                f"`{path}`: `{key}` must name columns that are read, which are {listing(read)}; got `{column}`. Spell "
+                "both as the files do."
             )
 
 
@@ -288,6 +288,8 @@ def _units(value: object) -> dict[str, float]:
         _fail('a table of columns, such as {q = "deg", tau = 0.062}')
     factors = {}
     for column, unit in value.items():
+        if isinstance(unit, dict):
+            _fail(f'a table of columns; a name with dots stands in quotes, such as "{column}.{next(iter(unit), "x")}"')
         try:
             factors[column] = factor_of(unit)
         except ValueError as error:
