@@ -167,7 +167,7 @@ def test_such_a_table_is_named_and_read_and_places_are_those_of_the_file(tmp_pat
     assert any(f"line {line} (row {line - 2})" in finding.text for finding in check.findings)
     with pytest.warns(DataWarning) as warned:
         dataset = read_dataset(path)
-    assert ["brought to one clock" in str(each.message) for each in warned] == [True, False]
+    assert ["brought to the rows of the positions" in str(each.message) for each in warned] == [True, False]
     assert "beyond 1e+20" in str(warned[1].message)
     assert sum(map(len, dataset.train)) >= len(t) - 5
 

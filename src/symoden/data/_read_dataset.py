@@ -9,7 +9,7 @@ import numpy as np
 from ._clocks import find_other_clocks
 from ._dataset import Dataset
 from ._description import Description, read_description
-from ._errors import DataError, DataWarning
+from ._errors import DataError, DataWarning, listing
 from ._examine import Examination
 from ._findings import Finding
 from ._left_out import find_merged
@@ -104,10 +104,20 @@ def assemble(
 
 
 def _warn_of_clocks(path: Path, logs: Sequence[Log]) -> None:
-    """Say in one line which tables had several clocks."""
-    merged = [f"`{log.name}`: {finding.text}" for log in logs for finding in find_merged(log)]
+    """Say in one line that tables had several clocks, and in another what looks wrong with these."""
+    merged = {log.name: log.merged.columns for log in logs if log.merged is not None}
     if merged:
-        _warn(path, "brought to one clock", merged)
+        columns = listing(dict.fromkeys(name for each in merged.values() for name in each))
+        more = f" and {len(merged) - 1} more" if len(merged) > 1 else ""
+        warnings.warn(
+            f"`{path}`: {columns} and the positions have numbers in different rows of `{next(iter(merged))}`{more}: "
+            f"brought to the rows of the positions. `symoden data check {path}` says more.",
+            DataWarning,
+            stacklevel=3,
+        )
+    wrong = [f"`{log.name}`: {each.text}" for log in logs for each in find_merged(log) if each.level != "note"]
+    if wrong:
+        _warn(path, "perhaps wrong in", wrong)
 
 
 def _warn_of_masks(path: Path, logs: Sequence[Log], masks: Sequence[Mask]) -> None:
