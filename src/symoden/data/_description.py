@@ -12,7 +12,7 @@ from symoden.known import KnownParts
 from ._cells import label
 from ._errors import DataError, listing, nearest
 from ._known import read_known
-from ._readers import Selector
+from ._readers import Selector, names_in
 from ._units import factor_of, is_named, si_of
 
 Check: TypeAlias = Callable[[object], object]
@@ -198,7 +198,7 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
 
 def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mapping[str, Selector]) -> None:
     """Refuse to say something of columns that are not read."""
-    read = [name for each in selectors.values() for name in ([each] if isinstance(each, str) else each)]
+    read = names_in(selectors)
     for column in named:
         if not is_named(column, selectors):
             raise DataError(

@@ -109,7 +109,7 @@ def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice, reco
     frame = _TABLES[suffix_of(path)](path)
     index = np.arange(frame.height)[rows]
     frame, first = frame[rows], int(index[0]) if len(index) else 0
-    wanted = _wanted(selectors)
+    wanted = names_in(selectors)
     named = dict.fromkeys(variable_of(name) for name in wanted)
     nested = [name for name in named if name in frame.columns and holds_lists(frame[name])]
     columns = {name: lists(path, frame, name) for name in nested}
@@ -121,7 +121,7 @@ def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice, reco
 
 def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None) -> Rows:
     """Read variables of a file of arrays."""
-    variables = {variable_of(name) for name in [*_wanted(selectors), *([recording] if recording else [])]}
+    variables = {variable_of(name) for name in [*names_in(selectors), *([recording] if recording else [])]}
     arrays = _ARRAYS[suffix_of(path)](path, sorted(variables))
     columns = {name: _columns(path, name, array) for name, array in arrays.items()}
     _refuse_mixed_lengths(path, columns)
@@ -133,13 +133,6 @@ def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, rec
             [label(x) for x in _single(path, recording, _picked(path, recording, columns))[:, 0].tolist()]
         )
     return _rows_of(path, selectors, columns, index, labels)
-
-
-def _wanted(selectors: Mapping[str, Selector]) -> list[str]:
-    """Names of all columns and variables to read, each once."""
-    return list(
-        dict.fromkeys(name for each in selectors.values() for name in ([each] if isinstance(each, str) else each))
-    )
 
 
 def _rows_of(
@@ -161,6 +154,19 @@ def _rows_of(
             parts = [_single(path, name, _picked(path, name, columns)) for name in selector]
             signals[role], names[role] = np.concatenate([np.zeros((len(index), 0)), *parts], axis=1), selector
     return Rows(path=path, index=index, signals=signals, names=names, labels=labels)
+
+
+def names_in(selectors: Mapping[str, Selector]) -> list[str]:
+    """Names of all columns and variables that are read, each once.
+
+    Args:
+        selectors: What is read, by role.
+
+    Returns:
+        The names, in the order of the roles.
+    """
+    every = (name for each in selectors.values() for name in ([each] if isinstance(each, str) else each))
+    return list(dict.fromkeys(every))
 
 
 def variable_of(name: str) -> str:

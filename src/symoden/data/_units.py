@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from ._errors import nearest
-from ._readers import Rows, Selector, variable_of
+from ._readers import Rows, Selector, names_in, variable_of
 
 T = TypeVar("T")
 
@@ -113,7 +113,7 @@ def is_named(column: str, selectors: Mapping[str, Selector]) -> bool:
     Returns:
         Whether it does.
     """
-    names = {name for each in selectors.values() for name in ((each,) if isinstance(each, str) else each)}
+    names = names_in(selectors)
     return column in names or variable_of(column) in names or column in {variable_of(name) for name in names}
 
 
