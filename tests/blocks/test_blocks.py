@@ -12,7 +12,6 @@ from hypothesis import given, strategies as st
 
 from symoden.blocks import (
     ACTIVATIONS,
-    RUNGS,
     CholeskyBlock,
     Constant,
     Correction,
@@ -253,13 +252,13 @@ def test_known_arrays_have_no_derivative_and_are_not_trained():
     assert count_parameters(block) == 2
 
 
-def test_corrections_are_free_rung_by_rung():
-    early, late, last = (Correction(constant(*range(size)), rung=rung) for rung, size in ((1, 3), (2, 4), (3, 5)))
+def test_corrections_are_free_by_their_kinds():
+    early, late, last = (Correction(constant(*range(size)), kind=kind) for kind, size in ((1, 3), (2, 4), (8, 5)))
     tree = {"sum": Sum((constant(1, 2), early, late, last)), "unit": UNIT, "count": jnp.arange(3)}
     free = [
-        sum(leaf.size for leaf in jax.tree.leaves(eqx.filter(tree, trainable(tree, corrections=rung))))
-        for rung in range(RUNGS + 1)
+        sum(leaf.size for leaf in jax.tree.leaves(eqx.filter(tree, trainable(tree, corrections=kinds))))
+        for kinds in (0, 1, 2, 3, 8, 9, 15)
     ]
-    assert free == [2, 5, 9, 14]
-    assert [count_parameters(tree, corrections=rung) for rung in range(RUNGS + 1)] == free
+    assert free == [2, 5, 6, 9, 7, 10, 14]
+    assert [count_parameters(tree, corrections=kinds) for kinds in (0, 1, 2, 3, 8, 9, 15)] == free
     assert count_parameters(tree) == 14

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from symoden.blocks import (
+    ACTUATION,
+    NETWORKS,
     Constant,
     Correction,
     GramBlock,
@@ -137,6 +139,20 @@ def test_a_known_input_matrix_is_kept_and_not_trained():
     assert isinstance(model.actuation, KnownValue)
     assert np.asarray(model.input_matrix(jnp.ones(2))) == pytest.approx(g, abs=0)
     assert jax.tree.leaves(eqx.filter(model.actuation, trainable(model.actuation))) == []
+
+
+def test_inputs_may_act_by_harmonics_where_there_are_angles():
+    config = dataclasses.replace(BASE, actuation=BlockConfig(hidden=(5,), constant=True))
+    model = made(config)
+    terms = model.actuation.function.terms
+    assert [type(term) for term in terms] == [Constant, Correction, Correction]
+    assert [(type(term.function), term.kind) for term in terms[1:]] == [(Harmonics, ACTUATION), (Network, NETWORKS)]
+    assert count_parameters(model, corrections=ACTUATION) - count_parameters(model, corrections=0) == 2 * 6
+    constant = eqx.tree_at(lambda model: model.actuation.function, model, terms[0])
+    assert np.asarray(motion(constant)) == pytest.approx(np.asarray(motion(model)), abs=1e-12)
+    turned = eqx.tree_at(lambda model: jax.tree.leaves(model.actuation.function.terms[1])[0], model, jnp.ones((6, 2)))
+    assert np.abs(motion(turned) - motion(model)).max() > 1e-3
+    assert [type(term.function) for term in made(config, "R2").actuation.function.terms[1:]] == [Network]
 
 
 def test_corrections_are_silent_and_frozen_at_first():

@@ -1,6 +1,7 @@
 """Model files: what is saved comes back, and what is no model is refused."""
 
 import errno
+import json
 import os
 
 import equinox as eqx
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import KnownFunction
+from symoden.blocks import DIRECTIONS, FRICTION, NETWORKS, KnownFunction
 from symoden.models import load, save
 from symoden.storage import StorageError, load_arrays, save_arrays
 from symoden.systems import Pendulum
@@ -106,6 +107,18 @@ def test_friction_of_older_files_has_no_direction(small_model, scrambled, tmp_pa
     assert metadata["structure"]["fields"]["friction"]["fields"].pop("directions", "absent") is None
     save_arrays(path, arrays, metadata)
     assert eqx.tree_equal(load(path), silent)
+
+
+def test_corrections_of_older_files_stand_on_rungs(small_model, scrambled, tmp_path):
+    path, model = tmp_path / "model.safetensors", scrambled(small_model("joint"), 1)
+    save(path, model)
+    arrays, metadata = load_arrays(path)
+    text = json.dumps(metadata["structure"])
+    for rung, kind in ((1, FRICTION), (2, DIRECTIONS), (3, NETWORKS)):
+        assert f'"kind": {kind}' in text
+        text = text.replace(f'"kind": {kind}', f'"rung": {rung}')
+    save_arrays(path, arrays, metadata | {"structure": json.loads(text)})
+    assert eqx.tree_equal(load(path), model)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

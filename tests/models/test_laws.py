@@ -72,7 +72,7 @@ def test_a_rollout_without_input_only_loses_energy(name, small_model, scrambled,
     model = scrambled(small_model(name), seed, 0.5)
     q, v, _ = draw(model, seed, 1.0)
     ts, us = 0.01 * jnp.arange(30.0), jnp.zeros((30, model.inputs))
-    path = np.asarray(energies(model, q, v, ts, us, jnp.asarray(4)))
+    path = np.asarray(energies(model, q, v, ts, us, jnp.asarray(32)))  # Random friction is stiff.
     assert np.isfinite(path).all()
     assert np.diff(path).max() <= 1e-6 * (1 + np.abs(path).max())
     assert path[-1] < path[0]

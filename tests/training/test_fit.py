@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import RUNGS, count_parameters
+from symoden.blocks import CORRECTIONS, FRICTION, count_parameters
 from symoden.data import DataError, Dataset, DataWarning, Trajectory
 from symoden.models import KINDS, BlockConfig, ModelConfig, StructuredModel
 from symoden.systems import Pendulum
@@ -188,7 +188,7 @@ def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they
     pendulum, small, quick, monkeypatch
 ):
     model = _prepare(pendulum(), small, quick)[1].model
-    few, all_of_them = (count_parameters(model, corrections=rung) for rung in (1, RUNGS))
+    few, all_of_them = (count_parameters(model, corrections=kinds) for kinds in (FRICTION, CORRECTIONS))
 
     def names(most):
         monkeypatch.setattr(_line_up, "MOST_PARAMETERS", most)

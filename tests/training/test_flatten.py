@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import RUNGS, Correction, Network, without_silent
+from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, Correction, Network, without_silent
 from symoden.models import build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
@@ -17,7 +17,7 @@ def networks(model):
 
 
 @pytest.mark.parametrize("space", ["T1", "R1 T1", "R1"])
-@pytest.mark.parametrize("corrections", range(RUNGS))
+@pytest.mark.parametrize("corrections", [0, FRICTION, DIRECTIONS, FRICTION | ACTUATION])
 def test_what_is_silent_is_left_out_and_nothing_changes(space, corrections, small):
     model = build(small, Space.parse(space), 1, key=jax.random.key(3))
     restore, theta = Flattening.of(model, corrections=corrections)
@@ -33,7 +33,7 @@ def test_what_is_silent_is_left_out_and_nothing_changes(space, corrections, smal
 
 def test_what_is_free_or_says_something_stays(small, scrambled):
     model = build(small, Space.parse("T1"), 1, key=jax.random.key(3))
-    restore, theta = Flattening.of(model, corrections=RUNGS)
+    restore, theta = Flattening.of(model, corrections=CORRECTIONS)
     assert networks(restore.lean(theta)(theta)) == networks(model) > 0
     loud = scrambled(model, 1, 0.3)
     assert networks(without_silent(loud)) == networks(loud)

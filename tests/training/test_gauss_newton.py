@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import RUNGS
+from symoden.blocks import CORRECTIONS
 from symoden.data import windows
 from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, build
@@ -55,7 +55,7 @@ CASES = [(kind, "zero", False) for kind in KINDS] + [("dissipative", "linear", F
 def test_sensitivities_are_the_derivative_of_the_residuals(kind, hold, momenta, pendulum, small, scrambled):
     config = dataclasses.replace(small, kind=kind)
     model, objective, batch = problem(pendulum(momenta=momenta), config, hold, momenta=momenta)
-    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=RUNGS)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=CORRECTIONS)
     r, J, residuals, jacobian = two_ways(restore, theta, objective, one(batch, 0))
     assert np.asarray(r) == pytest.approx(np.asarray(residuals), abs=1e-12)
     size = 1 + np.abs(jacobian).max()
@@ -66,7 +66,7 @@ def test_sensitivities_are_the_derivative_of_the_residuals(kind, hold, momenta, 
 def test_dry_friction_and_full_friction_have_exact_sensitivities_too(pendulum, small, scrambled):
     for change in ({"knees": (0.1, 1.0)}, {"full_friction": True}):
         model, objective, batch = problem(pendulum(), dataclasses.replace(small, **change))
-        restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=RUNGS)
+        restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=CORRECTIONS)
         _, J, _, jacobian = two_ways(restore, theta, objective, one(batch, 1))
         size = 1 + np.abs(jacobian).max()
         assert np.asarray(J) / size == pytest.approx(np.asarray(jacobian) / size, abs=1e-10)
@@ -93,7 +93,7 @@ def test_the_chunk_changes_the_normal_equations_by_rounding_alone(pendulum, smal
 
 def test_the_gradient_of_the_loss_is_twice_that_of_the_normal_equations(pendulum, small):
     model, objective, batch = problem(pendulum(), small)
-    restore, theta = Flattening.of(model, corrections=RUNGS)
+    restore, theta = Flattening.of(model, corrections=CORRECTIONS)
     equations = normal_equations(restore, theta, objective, batch, precision=jnp.float64)
     loss, slope = jax.value_and_grad(lambda theta: objective.loss(restore(theta), batch))(theta)
     assert equations.loss == pytest.approx(float(loss), rel=1e-12)
@@ -102,7 +102,7 @@ def test_the_gradient_of_the_loss_is_twice_that_of_the_normal_equations(pendulum
 
 def test_a_jacobian_in_single_precision_changes_the_equations_by_its_rounding(pendulum, small):
     model, objective, batch = problem(pendulum(), small)
-    restore, theta = Flattening.of(model, corrections=RUNGS)
+    restore, theta = Flattening.of(model, corrections=CORRECTIONS)
     single, double = (normal_equations(restore, theta, objective, batch, precision=p) for p in (jnp.float32, float))
     assert np.array_equal(single.residuals, double.residuals)
     assert single.matrix == pytest.approx(double.matrix, abs=1e-5 * np.abs(double.matrix).max())
@@ -114,7 +114,7 @@ def test_pulling_back_is_the_transpose_of_the_jacobian_for_any_chunk_kept_or_not
     pendulum, small, scrambled, monkeypatch
 ):
     model, objective, batch = problem(pendulum(), small)
-    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=RUNGS)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.5), corrections=CORRECTIONS)
     cotangents = np.random.default_rng(0).normal(size=(batch.ts.shape[0], 3, 3))
 
     def residuals(theta):
@@ -158,6 +158,6 @@ def test_an_accelerated_step_misses_the_bottom_by_the_third_order(pendulum, smal
 
 def test_frozen_corrections_are_no_parameters(pendulum, small):
     model, _, _ = problem(pendulum(), small)
-    (_, few), (restore, many) = (Flattening.of(model, corrections=free) for free in (0, RUNGS))
+    (_, few), (restore, many) = (Flattening.of(model, corrections=free) for free in (0, CORRECTIONS))
     assert len(many) - len(few) == 2 * 3 + 3 + 3 + 1
     assert eqx.tree_equal(restore(many), model)

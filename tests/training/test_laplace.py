@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.blocks import RUNGS, Constant, Correction, JointFriction, Sum, highest_rung
+from symoden.blocks import FRICTION, NETWORKS, Constant, Correction, JointFriction, Sum, kinds_in_use
 from symoden.data import Dataset
 from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig, StructuredModel, build
@@ -130,11 +130,11 @@ def test_too_few_windows_are_refused(pendulum):
 
 
 def test_corrections_that_were_never_free_are_no_part_of_it():
-    silent, said = Correction(Constant(jnp.zeros(2))), Correction(Constant(jnp.ones(2)), rung=1)
+    silent, said = Correction(Constant(jnp.zeros(2))), Correction(Constant(jnp.ones(2)), kind=FRICTION)
     q = jnp.zeros(1)
-    assert highest_rung(Sum((silent, said)), q) == 1
-    assert highest_rung(Sum((silent, Constant(jnp.ones(2)))), q) == 0
-    assert highest_rung(Sum((said, Correction(Constant(jnp.ones(2))))), q) == RUNGS
+    assert kinds_in_use(Sum((silent, said)), q) == FRICTION
+    assert kinds_in_use(Sum((silent, Constant(jnp.ones(2)))), q) == 0
+    assert kinds_in_use(Sum((said, Correction(Constant(jnp.ones(2))))), q) == FRICTION | NETWORKS
 
 
 def test_friction_may_differ_a_little_where_no_difference_between_the_directions_was_kept(pendulum):

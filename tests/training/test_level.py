@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from symoden import TrainingConfig, fit
-from symoden.blocks import RUNGS
+from symoden.blocks import CORRECTIONS
 from symoden.data import windows
 from symoden.integrate import HOLDS, RK4
 from symoden.models import build
@@ -42,7 +42,7 @@ def problem(pendulum, small):
     def level(sigma, batch, change=0.0):
         noise = jnp.array([sigma[0], sigma[0], sigma[1]])
         objective = Objective(WEIGHTS, RK4(), HOLDS["zero"], noise=noise)
-        restore, theta = Flattening.of(model, corrections=RUNGS)
+        restore, theta = Flattening.of(model, corrections=CORRECTIONS)
         return expected_level(restore, theta * (1 + change), objective, RK4(), batch)
 
     return measured, level

@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+import math
 
 import equinox as eqx
 import jax
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import DIRECTIONS, FRICTION, RUNGS, count_parameters
+from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, NETWORKS, count_parameters
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _data, _levenberg_stage
@@ -63,7 +64,7 @@ def test_a_loss_in_the_units_of_the_data_has_no_such_bound(stage):
 
 def test_no_block_grows_where_the_rest_explains_the_motion(stage):
     stage, state = stage
-    growth = dataclasses.replace(stage, corrections=RUNGS, margin=2.0)
+    growth = dataclasses.replace(stage, corrections=NETWORKS, margin=2.0)
     started = growth.start(state)
     after, report = growth.advance(started._replace(best_loss=9e-7))
     assert (after.step, report.finished, report.outcome) == (0, True, "nothing left to explain")
@@ -75,7 +76,15 @@ def test_no_block_grows_where_the_rest_explains_the_motion(stage):
 @pytest.mark.parametrize("learns", [False, True])
 @pytest.mark.parametrize(
     ("margin", "errors", "kept"),
-    [(1.0, -1.1, True), (1.0, -0.9, False), (-2.0, 1.9, True), (-2.0, 2.1, False), (None, 9.0, True)],
+    [
+        (1.0, -1.1, True),
+        (1.0, -0.9, False),
+        (-2.0, 1.9, True),
+        (-2.0, 2.1, False),
+        (None, 9.0, True),
+        (2.0, -math.inf, True),
+        (-2.0, math.inf, False),
+    ],
 )
 def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_for(
     stage, monkeypatch, learns, margin, errors, kept
@@ -88,6 +97,8 @@ def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_f
     after, report = last.advance(started)
     assert report.finished
     said = "" if margin is None else f"kept (validation {-errors:+.1f} standard errors, more than {margin:+.0f} wanted)"
+    if math.isinf(errors):
+        said = f"kept (validation loss {'a tenth or less' if errors < 0 else 'tenfold or more'})"
     assert report.verdict == (said if kept else f"not {said}")
     first, best = (jax.tree.leaves(each) for each in (started.best, after.best))
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
@@ -100,14 +111,24 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     config = dataclasses.replace(quick, growth_steps=1, relevance_steps=1, lm_horizon=None, validation=0.0)
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
     stages = [s for s in line_up(pendulum(samples=400), model, [model], config) if isinstance(s, LevenbergStage)]
-    rungs = [0, FRICTION, DIRECTIONS, FRICTION, FRICTION, FRICTION, FRICTION, RUNGS]
-    names = ["friction", "directions", "relevance", "longer windows 2x", "longer windows 4x", "refit", "growth"]
+    both = FRICTION | DIRECTIONS
+    kinds = [0, ACTUATION, FRICTION, both, FRICTION, FRICTION, FRICTION, FRICTION, FRICTION | NETWORKS]
+    names = [
+        "actuation",
+        "friction",
+        "directions",
+        "relevance",
+        "longer windows 2x",
+        "longer windows 4x",
+        "refit",
+        "growth",
+    ]
     assert [(each.name, each.corrections) for each in stages] == list(
-        zip(["levenberg-marquardt", *names], rungs, strict=True)
+        zip(["levenberg-marquardt", *names], kinds, strict=True)
     )
     assert stages[0].margin is None
     for before, after in itertools.pairwise(stages):
-        assert after.whitens == (after.corrections <= before.corrections)  # What sets nothing free.
+        assert after.whitens == (not after.corrections & ~before.corrections)  # What sets nothing free.
         assert after.margin is not None
         assert (after.margin > 0) != after.learns  # Simpler models are to be preferred; priors make them so.
         assert after.widens == (len(after.data.train.ts[0]) > len(before.data.train.ts[0]))
@@ -195,10 +216,10 @@ def test_what_validation_refused_begins_with_narrow_priors_where_these_are_learn
     def opened(best):
         """Precisions of friction's laws and of the rest."""
         memory = learning.start(state._replace(best=best, model=best)).memory
-        counts = [count_parameters(best, corrections=rung) for rung in (0, FRICTION, RUNGS)]
-        rungs = [memory.precisions(best, rung) for rung in (0, FRICTION, RUNGS)]
-        assert [len(each) for each in rungs] == counts
-        return [sorted(set(each)) for each in rungs]
+        counts = [count_parameters(best, corrections=kinds) for kinds in (0, FRICTION, CORRECTIONS)]
+        found = [memory.precisions(best, kinds) for kinds in (0, FRICTION, CORRECTIONS)]
+        assert [len(each) for each in found] == counts
+        return [sorted(set(each)) for each in found]
 
     assert opened(model) == [[50.0], [50.0, 1e4], [50.0, 1e4]]
     restore, theta = Flattening.of(model, corrections=FRICTION)
@@ -319,10 +340,33 @@ def test_models_are_compared_window_against_window(stage):
     assert data.compare(state.model, state.model, objective) == 0
     assert data.compare(state.model, worse, objective) == -data.compare(worse, state.model, objective) != 0
     assert stage.data._replace(validation=None).compare(state.model, worse, objective) == 0
-    assert data._replace(validation=stage.data.train.take(slice(0, 1))).compare(state.model, worse, objective) == 0
     lost = jax.tree.map(lambda x: jnp.nan * x if eqx.is_inexact_array(x) else x, state.model)
     assert data.compare(lost, worse, objective) == np.inf
     assert data.compare(worse, lost, objective) == -np.inf
+
+
+@pytest.mark.parametrize(
+    ("losses", "others", "told"),
+    [
+        ([1.0, 2.0, 90.0], [0.01, 0.1, 8.9], math.inf),  # Its standard error is as large as the difference.
+        ([1.0, 2.0, 90.0], [0.01, 0.1, 9.3], 1.0),
+        ([1.0, 1.0, 90.0], [0.01, 0.2, 0.1], math.inf),
+        ([1.0, 1.0, 90.0], [0.2, 0.2, 0.1], 1.0),  # One window alone, which may have been about to turn over.
+        ([3.0], [0.2], math.inf),
+        ([1.0], [0.2], 0.0),
+        ([0.0, 0.0], [0.0, 0.0], 0.0),
+    ],
+)
+def test_a_loss_that_is_tenfold_in_most_windows_is_no_chance(stage, monkeypatch, losses, others, told):
+    stage, state = stage
+    data = stage.data._replace(validation=stage.data.train)
+    found = {True: losses, False: others}
+    monkeypatch.setattr(
+        _data, "evaluate_residuals", lambda model, *_: np.sqrt(np.array(found[model is state.model]))[:, None, None]
+    )
+    objective, other = stage.objective(1, Weighing.plain(3)), jax.tree.map(lambda x: x, state.model)
+    assert data.compare(state.model, other, objective) == pytest.approx(told, abs=0.3)
+    assert data.compare(other, state.model, objective) == pytest.approx(-told, abs=0.3)
 
 
 def test_sensitivities_that_overflow_in_single_precision_are_computed_in_double(stage, monkeypatch):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import RUNGS
+from symoden.blocks import CORRECTIONS
 from symoden.data import windows
 from symoden.integrate import HOLDS, RK4
 from symoden.models import build
@@ -44,7 +44,7 @@ def about(restore, theta, objective, batch):
 
 def test_the_gradient_is_that_of_the_loss_from_the_best_starts(pendulum, small, scrambled):
     model, objective, batch = problem(pendulum(), small, noise=0.05)
-    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=RUNGS)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=CORRECTIONS)
     best = settled(restore(theta), objective, batch)
     equations = about(restore, theta, objective, best).normal_equations()
     direction = np.random.default_rng(1).normal(size=theta.shape)
@@ -60,7 +60,7 @@ def test_the_gradient_is_that_of_the_loss_from_the_best_starts(pendulum, small, 
 
 def test_pulling_back_goes_around_the_starts(pendulum, small, scrambled):
     model, objective, batch = problem(pendulum(), small, noise=0.05)
-    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=RUNGS)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=CORRECTIONS)
     best = settled(restore(theta), objective, batch)
     linear = about(restore, theta, objective, best)
     random = np.random.default_rng(2)
@@ -85,7 +85,7 @@ def test_pulling_back_goes_around_the_starts(pendulum, small, scrambled):
 
 def test_the_starts_of_a_model_nearby_are_followed(pendulum, small, scrambled):
     model, objective, batch = problem(pendulum(), small)
-    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=RUNGS)
+    restore, theta = Flattening.of(scrambled(model, 1, 0.3), corrections=CORRECTIONS)
     exact = jax.vmap(lambda window: exact_window(restore(theta), window))(batch)
     found = find_starts(restore(theta), objective, exact)
     direction = np.random.default_rng(1).normal(size=theta.shape)

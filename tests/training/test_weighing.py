@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import RUNGS
+from symoden.blocks import CORRECTIONS
 from symoden.data import windows
 from symoden.integrate import HOLDS, RK4
 from symoden.models import build
@@ -144,7 +144,7 @@ def pushed(pendulum, small):
 
 def test_sensitivities_are_whitened_as_the_residuals_are(pushed):
     model, objective, batch = pushed
-    restore, theta = Flattening.of(model, corrections=RUNGS)
+    restore, theta = Flattening.of(model, corrections=CORRECTIONS)
     weighing = weigh(restore, theta, objective, RK4(), batch, Weighing.plain(3))
     whitened = objective.refined(RK4(), weighing)
     window = jax.tree.map(lambda x: x[0], batch)

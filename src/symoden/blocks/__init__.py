@@ -37,6 +37,10 @@ from ._friction import (
 )
 from ._functions import (
     ACTIVATIONS as ACTIVATIONS,
+    ACTUATION as ACTUATION,
+    DIRECTIONS as DIRECTIONS,
+    FRICTION as FRICTION,
+    NETWORKS as NETWORKS,
     AbstractFunction as AbstractFunction,
     Constant as Constant,
     Correction as Correction,
@@ -48,12 +52,10 @@ from ._harmonics import Harmonics as Harmonics, products as products
 from ._known import Known as Known
 from ._links import Links as Links, LinksBlock as LinksBlock
 from ._trainable import (
-    DIRECTIONS as DIRECTIONS,
-    FRICTION as FRICTION,
-    RUNGS as RUNGS,
+    CORRECTIONS as CORRECTIONS,
     count_active as count_active,
     count_parameters as count_parameters,
-    highest_rung as highest_rung,
+    kinds_in_use as kinds_in_use,
     trainable as trainable,
     without_silent as without_silent,
 )
@@ -65,10 +67,12 @@ from ._triangles import (
 
 __all__ = [
     "ACTIVATIONS",
+    "ACTUATION",
+    "CORRECTIONS",
     "DIRECTIONS",
     "FRICTION",
+    "NETWORKS",
     "ODD_SHAPES",
-    "RUNGS",
     "AbstractBlock",
     "AbstractFriction",
     "AbstractFunction",
@@ -102,9 +106,9 @@ __all__ = [
     "ViscousFriction",
     "count_active",
     "count_parameters",
-    "highest_rung",
     "identity_triangle",
     "inverse_of_positive",
+    "kinds_in_use",
     "lower_triangle",
     "products",
     "trainable",

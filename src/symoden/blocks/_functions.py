@@ -36,6 +36,15 @@ class AbstractFunction(eqx.Module):
         """Coefficients at the configuration `q`."""
 
 
+FRICTION = 1
+"""Corrections that are laws of friction: dry and quadratic parts."""
+DIRECTIONS = 2
+"""Those that make friction depend on the direction."""
+ACTUATION = 4
+"""Those by which inputs act otherwise from configuration to configuration."""
+NETWORKS = 8
+"""Networks, which can be anything."""
+
 _WAVES = 2.0  # Spread of the first frequencies of a network of sines, relative to the inputs' scale.
 
 
@@ -156,11 +165,11 @@ class Correction(AbstractFunction):
 
     Attributes:
         function: What is added once it is set free.
-        rung: Those of rung 1 are set free first, then those of rung 2 as well, and so on.
+        kind: What it is for, a flag: kinds are set free one after the other.
     """
 
     function: AbstractFunction
-    rung: int = eqx.field(static=True, default=3)
+    kind: int = eqx.field(static=True, default=NETWORKS)
 
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""

@@ -1,5 +1,8 @@
 """Which parts of a model training may change."""
 
+import functools
+import operator
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -7,23 +10,20 @@ from jaxtyping import PyTree
 
 from symoden.shapes import Coordinates
 
-from ._functions import AbstractFunction, Correction, Network, Sum
+from ._functions import ACTUATION, DIRECTIONS, FRICTION, NETWORKS, AbstractFunction, Correction, Network, Sum
+from ._harmonics import Harmonics
 from ._known import Known
 
-FRICTION = 1
-"""Rung of corrections that are laws of friction: dry and quadratic parts."""
-DIRECTIONS = 2
-"""Rung of what makes friction depend on the direction."""
-RUNGS = 3
-"""Number of rungs of the ladder that corrections are set free on: the last is that of networks."""
+CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS
+"""All kinds of corrections."""
 
 
-def trainable(model: PyTree, *, corrections: int = RUNGS) -> PyTree:
+def trainable(model: PyTree, *, corrections: int = CORRECTIONS) -> PyTree:
     """Say which leaves training may change.
 
     Args:
         model: Any tree of modules.
-        corrections: Up to which rung terms marked as `Correction` are free; 0 for none of them.
+        corrections: Which kinds of terms marked as `Correction` are free, as flags; 0 for none of them.
 
     Returns:
         Tree prefix of booleans, for `eqx.partition`: false for `Known` arrays, for whatever is no array of floats,
@@ -31,7 +31,7 @@ def trainable(model: PyTree, *, corrections: int = RUNGS) -> PyTree:
     """
 
     def is_fixed(node: object) -> bool:
-        return isinstance(node, Known) or (isinstance(node, Correction) and node.rung > corrections)
+        return isinstance(node, Known) or (isinstance(node, Correction) and not node.kind & corrections)
 
     return jax.tree.map(lambda leaf: not is_fixed(leaf) and eqx.is_inexact_array(leaf), model, is_leaf=is_fixed)
 
@@ -41,10 +41,10 @@ def without_silent(model: PyTree, *, corrections: int = 0) -> PyTree:
 
     Args:
         model: Any tree of modules.
-        corrections: Up to which rung they stay though they are zero, since their derivatives are not.
+        corrections: Kinds that stay though they are zero, since their derivatives are not.
 
     Returns:
-        A model of the same values. The parameters up to that rung are the same ones in the same order.
+        A model of the same values. The parameters of these kinds are the same ones in the same order.
     """
 
     def lean(node: object) -> object:
@@ -57,14 +57,20 @@ def without_silent(model: PyTree, *, corrections: int = 0) -> PyTree:
 
 
 def _is_silent(term: AbstractFunction, corrections: int) -> bool:
-    """Whether a term is a correction beyond a rung, and its last layer is zero."""
-    if not isinstance(term, Correction) or term.rung <= corrections or not isinstance(term.function, Network):
+    """Whether a term is a correction of none of these kinds, and zero everywhere."""
+    if not isinstance(term, Correction) or term.kind & corrections:
         return False
-    last = term.function.perceptron
-    return not (np.any(np.asarray(last.weights[-1])) or np.any(np.asarray(last.biases[-1])))
+    match term.function:
+        case Network(perceptron=last):
+            numbers = (last.weights[-1], last.biases[-1])
+        case Harmonics(weights=weights):
+            numbers = (weights,)
+        case _:
+            return False
+    return not any(np.any(np.asarray(each)) for each in numbers)
 
 
-def highest_rung(model: PyTree, q: Coordinates) -> int:
+def kinds_in_use(model: PyTree, q: Coordinates) -> int:
     """Which corrections training has set free and kept.
 
     Args:
@@ -72,11 +78,11 @@ def highest_rung(model: PyTree, q: Coordinates) -> int:
         q: Any configuration of its space; there a correction that was never free is zero.
 
     Returns:
-        The highest rung of a correction that is not silent; 0 if all are.
+        The kinds of those that are not zero, as flags; 0 if all are.
     """
     leaves = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction))
     found = [leaf for leaf in leaves if isinstance(leaf, Correction)]
-    return max((correction.rung for correction in found if np.any(np.asarray(correction(q)))), default=0)
+    return functools.reduce(operator.or_, (each.kind for each in found if np.any(np.asarray(each(q)))), 0)
 
 
 def count_active(model: PyTree, q: Coordinates) -> int:
@@ -89,15 +95,15 @@ def count_active(model: PyTree, q: Coordinates) -> int:
     Returns:
         Number of scalars.
     """
-    return count_parameters(model, corrections=highest_rung(model, q))
+    return count_parameters(model, corrections=kinds_in_use(model, q))
 
 
-def count_parameters(model: PyTree, *, corrections: int = RUNGS) -> int:
+def count_parameters(model: PyTree, *, corrections: int = CORRECTIONS) -> int:
     """Number of trainable parameters.
 
     Args:
         model: Any tree of modules.
-        corrections: Up to which rung those of terms marked as `Correction` count.
+        corrections: Of which kinds those of terms marked as `Correction` count, as flags.
 
     Returns:
         Number of scalars that training may change.

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import PRNGKeyArray
 
 from symoden.blocks import (
+    ACTUATION,
     DIRECTIONS,
     FRICTION,
     ODD_SHAPES,
@@ -182,10 +183,15 @@ class _Maker:
         if self.input_matrix is not None or not self.inputs:
             known = np.zeros((self.space.size, 0)) if self.input_matrix is None else np.asarray(self.input_matrix)
             return KnownValue(Known.of(known))
-        return MatrixBlock(
-            function=self._function(self.config.actuation, self.space.size * self.inputs, base=0.1, key=key),
-            scale=Known.of(np.outer(self.scales.force, 1 / self.scales.input)),
-        )
+        size = self.space.size * self.inputs
+        function = self._function(self.config.actuation, size, base=0.1, key=key)
+        if self.config.actuation.constant and isinstance(function, Sum) and any(self.space.is_angle):
+            # Forces that turn with a body, or pull at a lever.
+            turning = Correction(
+                self._harmonics(size, powers=1, spread=0.0, key=jax.random.fold_in(key, 1)), kind=ACTUATION
+            )
+            function = Sum((function.terms[0], turning, *function.terms[1:]))
+        return MatrixBlock(function=function, scale=Known.of(np.outer(self.scales.force, 1 / self.scales.input)))
 
     def friction(self, key: PRNGKeyArray) -> AbstractFriction:
         """D on the momenta, viscous or with every joint's own law, or the paper's D on the full state."""
@@ -200,11 +206,11 @@ class _Maker:
         laws, directions = n * JointFriction.shapes(self.config.knees), n * ODD_SHAPES
         return JointFriction(
             viscous=viscous,
-            laws=Correction(Constant(jnp.zeros(laws, float)), rung=FRICTION),
+            laws=Correction(Constant(jnp.zeros(laws, float)), kind=FRICTION),
             scale=Known.of(unit),
             speed=Known.of(s.velocity),
             knees=self.config.knees,
-            directions=Correction(Constant(jnp.zeros(directions, float)), rung=DIRECTIONS),
+            directions=Correction(Constant(jnp.zeros(directions, float)), kind=DIRECTIONS),
         )
 
     def corrections(self, key: PRNGKeyArray) -> Corrections:
@@ -284,18 +290,7 @@ class _Maker:
         """Coefficients of a block; a `base` is what a constant starts from, `powers` those of lengths in harmonics."""
         start: AbstractFunction = Constant(jnp.broadcast_to(jnp.asarray(0.0 if base is None else base, float), (size,)))
         if self._is_harmonic(config):
-            standard = self._standard()
-            counts = {order: size * len(products(self.space, powers, order)) for order in (3, 2)}
-            harmonics = Harmonics.init(
-                self.space,
-                size,
-                powers=powers,
-                order=next((order for order, count in counts.items() if count <= _MOST_WEIGHTS), 1),
-                spread=_SPREAD,
-                center=standard.get("center"),
-                scale=standard.get("scale"),
-                key=jax.random.fold_in(key, 0),
-            )
+            harmonics = self._harmonics(size, powers=powers, spread=_SPREAD, key=jax.random.fold_in(key, 0))
             start = eqx.tree_at(lambda h: h.weights, harmonics, harmonics.weights.at[0].set(start.values))
         if not config.hidden:
             return start
@@ -305,3 +300,18 @@ class _Maker:
         if base is not None and self.config.scaled:
             return Sum((start, Network(self.space, perceptron)))
         return Network(self.space, perceptron)
+
+    def _harmonics(self, size: int, *, powers: int, spread: float, key: PRNGKeyArray) -> Harmonics:
+        """Products of the first harmonics and of powers of lengths, with as many factors as leave few weights."""
+        standard = self._standard()
+        counts = {order: size * len(products(self.space, powers, order)) for order in (3, 2)}
+        return Harmonics.init(
+            self.space,
+            size,
+            powers=powers,
+            order=next((order for order, count in counts.items() if count <= _MOST_WEIGHTS), 1),
+            spread=spread,
+            center=standard["center"],
+            scale=standard["scale"],
+            key=key,
+        )

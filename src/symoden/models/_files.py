@@ -56,6 +56,8 @@ _MODULES: dict[str, type[eqx.Module]] = {
     )
 }
 
+_LADDER = {1: blocks.FRICTION, 2: blocks.DIRECTIONS, 3: blocks.NETWORKS}  # Kinds of corrections in older files.
+
 
 def save(path: Path | str, model: AbstractDynamics) -> None:
     """Save a model: its weights, its scaling and its structure.
@@ -144,6 +146,8 @@ def _restore(description: Any, arrays: dict[str, np.ndarray]) -> Any:  # noqa: A
         return jnp.asarray(arrays[description["array"]])
     module = _MODULES[description["module"]]
     fields = {name: _restore(value, arrays) for name, value in description["fields"].items()}
+    if "rung" in fields:
+        fields["kind"] = _LADDER[fields.pop("rung")]
     return module(**fields)
 
 

@@ -10,6 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
+from jaxtyping import Float
 
 from symoden.data import Dataset, DataWarning, Trajectory, measure_noise, spaced_evenly, split_validation, windows
 from symoden.integrate import HOLDS, RK4
@@ -34,6 +35,7 @@ _FEWEST = 20  # Of them, or they stay as they are.
 _MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
 _NAMED = 3
+_FAR = 0.1  # Share of a loss that chance does not take it to, however few windows say so.
 
 
 class Data(NamedTuple):
@@ -57,12 +59,13 @@ class Data(NamedTuple):
         """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.
 
         Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
-        of Breiman et al., 1984).
+        of Breiman et al., 1984). But the losses of a few windows differ by more than their mean, so that their standard
+        error says little: what is tenfold in the mean, and in most windows, is no chance.
 
         Returns:
-            Mean of the differences, window against window, relative to its standard error.
+            Mean of the differences, window against window, relative to its standard error; infinite if it is tenfold.
         """
-        if self.validation is None or self.validation.ts.shape[0] == 1:
+        if self.validation is None:
             return 0.0
         with np.errstate(over="ignore", invalid="ignore"):
             here, there = (
@@ -73,8 +76,18 @@ class Data(NamedTuple):
             return math.inf
         if not np.isfinite(there).all():
             return -math.inf
+        if _is_far_below(here, there) or _is_far_below(there, here):
+            return math.copysign(math.inf, np.mean(here) - np.mean(there))
+        if len(here) == 1:
+            return 0.0
         error = float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
         return float(np.mean(here - there)) / max(error, float(np.finfo(float).tiny))
+
+
+def _is_far_below(losses: Float[np.ndarray, " W"], others: Float[np.ndarray, " W"]) -> bool:
+    """Whether windows' losses are a tenth of others, in the mean and in more than half of the windows."""
+    below = losses < _FAR * others
+    return bool(np.mean(losses) < _FAR * np.mean(others) and np.mean(below) > 1 / 2)
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:

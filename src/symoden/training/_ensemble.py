@@ -65,7 +65,7 @@ class Ensemble(AbstractPosterior):
         members: Flat parameters of every member.
         tried: How many were trained; those that fit their own windows worse than the model does, mostly because they
             ended in another basin, are no members.
-        corrections: Up to which rung corrections are free.
+        corrections: Which kinds of corrections are free, as flags.
 
     References:
         Efron (1979), *Bootstrap methods: another look at the jackknife*; Bardsley et al. (2014),

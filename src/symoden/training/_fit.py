@@ -242,5 +242,5 @@ def _pattern(
     if not isinstance(last, LevenbergStage) or last.regresses:
         raise TypeError("The best model must come from Levenberg-Marquardt on rollouts.")
     # What an earlier stage set free and validation kept is open, though the last one did not change it.
-    rung = max(last.corrections, freed(state.best))
-    return Pattern(fresh, (*regression, *adam), dataclasses.replace(last, corrections=rung), state)
+    kinds = last.corrections | freed(state.best)
+    return Pattern(fresh, (*regression, *adam), dataclasses.replace(last, corrections=kinds), state)

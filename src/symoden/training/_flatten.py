@@ -9,7 +9,7 @@ import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
-from symoden.blocks import highest_rung, trainable, without_silent
+from symoden.blocks import kinds_in_use, trainable, without_silent
 
 
 @final
@@ -20,7 +20,7 @@ class Flattening(eqx.Module):
         fixed: The model with None in place of its free parameters.
         structure: Tree of the free parameters.
         shapes: Their shapes, in the order of the vector.
-        corrections: Up to which rung terms marked as `Correction` are free.
+        corrections: Which kinds of terms marked as `Correction` are free, as flags.
     """
 
     fixed: PyTree
@@ -36,7 +36,7 @@ class Flattening(eqx.Module):
 
         Args:
             model: Any tree of modules.
-            corrections: Up to which rung terms marked as `Correction` are free.
+            corrections: Which kinds of terms marked as `Correction` are free, as flags.
             dtype: Precision of the vector and of the arrays that stay.
 
         Returns:
@@ -69,8 +69,8 @@ class Flattening(eqx.Module):
 
 
 def freed(model: PyTree) -> int:
-    """Up to which rung training has set corrections of a model free and kept them."""
-    return highest_rung(model, jnp.zeros(model.space.size))
+    """Which kinds of corrections of a model training has set free and kept."""
+    return kinds_in_use(model, jnp.zeros(model.space.size))
 
 
 def cast(model: PyTree, dtype: DTypeLike) -> PyTree:

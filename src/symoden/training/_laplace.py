@@ -119,7 +119,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
     config = config or TrainingConfig()
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
         model = cast(model, float)
-        corrections = DIRECTIONS if _is_even(model) else freed(model)
+        corrections = freed(model) | (DIRECTIONS if _is_even(model) else 0)
         restore, theta = Flattening.of(model, corrections=corrections)
         if not 0 < theta.size <= MOST_PARAMETERS:
             raise ValueError(
@@ -164,7 +164,7 @@ def _is_even(model: AbstractDynamics) -> bool:
     """Whether friction's laws were set free, and no difference between the directions was kept."""
     if not isinstance(model, StructuredModel) or not isinstance(model.friction, JointFriction):
         return False
-    return model.friction.directions is not None and freed(model) == FRICTION
+    return model.friction.directions is not None and freed(model) & (FRICTION | DIRECTIONS) == FRICTION
 
 
 def _priors(model: AbstractDynamics, q: Float[Array, "W n"], prior: float, corrections: int) -> Float[np.ndarray, " P"]:

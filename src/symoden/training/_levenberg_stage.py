@@ -45,8 +45,8 @@ class LevenbergStage(AbstractStage):
         config: Settings.
         name: What reports call it.
         steps: Largest number of steps.
-        corrections: Up to which rung corrections are free: none, friction's laws, their directions, all. Those that a
-            stage before has set free and kept are free in any case.
+        corrections: Which kinds of corrections are free, as flags. Those that a stage before has set free and kept are
+            free in any case.
         margin: What comes of the stage is kept if it is better than what was before by more than so many standard
             errors of the difference in validation; below zero, unless it is worse by that many. Such a stage is
             skipped where nothing is left to explain. None keeps the best model.
@@ -174,7 +174,7 @@ class LevenbergStage(AbstractStage):
 
         Args:
             state: Where to start.
-            restore: Makes the model from flat parameters, those up to this stage's rung.
+            restore: Makes the model from flat parameters, those that this stage sets free.
             batch: Windows to fit.
             substeps: RK4 steps in each sampling interval.
             weighing: What errors count.
@@ -202,7 +202,7 @@ class LevenbergStage(AbstractStage):
 
     def _flattened(self, model: AbstractDynamics) -> tuple[Flattening, Float[Array, " P"]]:
         """What is free of a model."""
-        return Flattening.of(model, corrections=max(self.corrections, freed(model)), dtype=self.data.train.q.dtype)
+        return Flattening.of(model, corrections=self.corrections | freed(model), dtype=self.data.train.q.dtype)
 
     def _better(self, state: TrainingState) -> AbstractDynamics:
         """The best model so far, or the guess if its rollouts are better."""
@@ -223,7 +223,7 @@ class LevenbergStage(AbstractStage):
         """Why the stage has nothing to do, if so."""
         if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
             return "nothing left to explain"
-        if self.frees and freed(state.best) >= self.corrections:
+        if self.frees and not self.corrections & ~freed(state.best):
             return "free already"
         return ""
 
@@ -244,10 +244,12 @@ class LevenbergStage(AbstractStage):
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
         gain = -self.data.compare(state.best, state.incumbent.model, objective)
-        wanted = f"validation {round(gain, 1) + 0.0:+.1f} standard errors, more than {self.margin:+.0f} wanted"
+        why = f"validation {round(gain, 1) + 0.0:+.1f} standard errors, more than {self.margin:+.0f} wanted"
+        if math.isinf(gain):
+            why = f"validation loss {'a tenth or less' if gain > 0 else 'tenfold or more'}"
         if gain > self.margin:
-            return state, f"kept ({wanted})"
-        return self._undone(state), f"not kept ({wanted})"
+            return state, f"kept ({why})"
+        return self._undone(state), f"not kept ({why})"
 
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from symoden.blocks import DIRECTIONS, FRICTION, RUNGS, count_parameters
+from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, NETWORKS, count_parameters
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
@@ -23,6 +23,7 @@ from ._stages import AbstractStage
 
 _MANY: Final = 3  # Coordinates.
 _CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
+_KINDS: Final = (ACTUATION, FRICTION, DIRECTIONS, NETWORKS)
 _CLEAR: Final = 2.0  # The same for what is asked last: ask often enough, and chance says yes.
 
 
@@ -100,11 +101,13 @@ def _further(
     *,
     regression: bool = False,
 ) -> list[LevenbergStage]:
-    """Up the ladder of corrections: friction's laws, their directions, how much of all that is needed, the networks.
+    """Corrections: how inputs act, friction's laws, their directions, how much of all that is needed, networks.
+
+    Where inputs act otherwise from configuration to configuration comes first: a constant g spoils all else.
 
     Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
-    What depends on the direction is not, unless validation asked for it, or networks are free too: on a measured arm
+    What depends on the direction is not, unless validation asked for it: on a measured arm
     whose encoders have another zero in every recording it took up what these leave, and a recording held out was
     predicted worse. In longer windows priors are learned anew: these tell of parameters that shorter ones do not, and
     what is narrow does not widen. Errors that they were learned beside are then gone: a refit follows, in which they
@@ -121,18 +124,23 @@ def _further(
     Returns:
         The stages.
     """
-    counts = [count_parameters(dynamics, corrections=rung) for rung in range(RUNGS + 1)]
-    freed = [rung for rung in range(1, RUNGS + 1) if counts[rung] > counts[rung - 1] and config.growth_steps]
-    if regression or counts[RUNGS] > MOST_PARAMETERS:
-        freed = [rung for rung in freed if rung < RUNGS]
-    judged = FRICTION if FRICTION in freed else 0
-    learns = config.relevance_steps > 0 and 0 < counts[judged] <= MOST_PARAMETERS
+    count = functools.partial(count_parameters, dynamics)
     grow, learn = config.growth_steps, config.relevance_steps
+    has = {kind: grow > 0 and count(corrections=kind) > count(corrections=0) for kind in _KINDS}
+    judged = FRICTION if has[FRICTION] else 0
+    has[ACTUATION] &= count(corrections=judged | DIRECTIONS | ACTUATION) <= MOST_PARAMETERS
+    has[NETWORKS] &= not regression and count() <= MOST_PARAMETERS
+    learns = learn > 0 and 0 < count(corrections=judged) <= MOST_PARAMETERS
     of = "regression: " if regression else ""
+    asked = (
+        (ACTUATION, "actuation", ACTUATION, _CLEAR),
+        (FRICTION, "friction", FRICTION, _CHANCE),
+        (DIRECTIONS, "directions", FRICTION | DIRECTIONS, _CLEAR),
+    )
     stages = [
-        LevenbergStage(data, config, of + name, grow, rung, margin=margin, frees=True)
-        for rung, name, margin in ((FRICTION, "friction", _CHANCE), (DIRECTIONS, "directions", _CLEAR))
-        if rung in freed
+        LevenbergStage(data, config, of + name, grow, kinds, margin=margin, frees=True)
+        for kind, name, kinds, margin in asked
+        if has[kind]
     ]
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
     if learns:
@@ -144,6 +152,6 @@ def _further(
     longest = longer[-1] if longer else data
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
-    if RUNGS in freed:
-        stages.append(LevenbergStage(longest, config, "growth", grow, RUNGS, margin=_CLEAR))
+    if has[NETWORKS]:
+        stages.append(LevenbergStage(longest, config, "growth", grow, judged | NETWORKS, margin=_CLEAR))
     return stages

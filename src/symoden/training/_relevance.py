@@ -35,7 +35,7 @@ class Relevance(NamedTuple):
             it is not known.
         evidence: Its logarithm by the linearised model, but for what all priors beside this variance share; −∞ before
             any were learned.
-        kept: Up to which rung corrections were kept before any priors were learned; −1 as long as none are.
+        kept: Which kinds of corrections were kept before any priors were learned, as flags; −1 as long as none are.
     """
 
     precision: PyTree
@@ -66,7 +66,7 @@ class Relevance(NamedTuple):
         """The same priors where nothing is known of the residuals either."""
         return self.unrecorded()._replace(variance=jnp.zeros((), float))
 
-    def narrowed(self, model: PyTree, above: int, corrections: int) -> "Relevance":
+    def narrowed(self, model: PyTree, kept: int, corrections: int) -> "Relevance":
         """The same priors, but narrow ones for corrections that validation saw no need of.
 
         From wide ones on, noise fills them before priors can be learned, and evidence has an optimum there too; from
@@ -74,23 +74,23 @@ class Relevance(NamedTuple):
 
         Args:
             model: Model.
-            above: Rung of the highest corrections that were kept.
-            corrections: Up to which rung they are free now.
+            kept: Kinds of corrections that were kept, as flags.
+            corrections: Kinds that are free now.
 
         Returns:
             The priors.
         """
-        kept, rest = eqx.partition(self.precision, trainable(model, corrections=above))
+        wide, rest = eqx.partition(self.precision, trainable(model, corrections=kept))
         opened, closed = eqx.partition(rest, trainable(model, corrections=corrections))
         opened = jax.tree.map(lambda x: jnp.maximum(x, _NARROW), opened)
-        return self._replace(precision=eqx.combine(kept, opened, closed), kept=jnp.asarray(above))
+        return self._replace(precision=eqx.combine(wide, opened, closed), kept=jnp.asarray(kept))
 
     def precisions(self, model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
         """The precisions as a vector, in the order of the flat parameters.
 
         Args:
             model: Model.
-            corrections: Up to which rung its corrections are free.
+            corrections: Which kinds of its corrections are free, as flags.
 
         Returns:
             The vector.
@@ -118,7 +118,7 @@ class Relevance(NamedTuple):
             equations: Gauss-Newton's equations at θ.
             theta: θ.
             model: Model.
-            corrections: Up to which rung its corrections are free.
+            corrections: Which kinds of its corrections are free, as flags.
 
         Returns:
             The priors, none of them changed by more than a factor of three.
