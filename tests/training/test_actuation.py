@@ -1,4 +1,4 @@
-"""An input that acts otherwise from configuration to configuration is found where there is such a one, and only there."""
+"""An input that acts otherwise from configuration to configuration is found where there is one, and only there."""
 
 from typing import Any
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from symoden.blocks import RUNGS, count_parameters
+from symoden.blocks import CORRECTIONS, DIRECTIONS, FRICTION, count_parameters
 from symoden.known import KnownParts
 from symoden.models import build
 from symoden.spaces import Space
@@ -156,10 +156,10 @@ def test_rows_and_entries_share_priors():
     assert parameter_groups([(2, 3), (2,), ()]).tolist() == [0, 0, 0, 1, 1, 1, 2, 3, 4]
 
 
-def test_priors_are_in_the_order_of_the_parameters_on_every_rung(small):
+def test_priors_are_in_the_order_of_the_parameters_of_every_kind(small):
     model = build(small, Space.parse("T2"), 2, key=jax.random.key(0))
     start = Relevance.start(model, 2.0)
-    for corrections in range(RUNGS + 1):
+    for corrections in (0, FRICTION, FRICTION | DIRECTIONS, CORRECTIONS):
         _, theta = Flattening.of(model, corrections=corrections)
         assert start.precisions(model, corrections).tolist() == [2.0] * theta.size
 
@@ -173,7 +173,7 @@ def test_only_what_is_free_learns_and_guesses_of_a_user_stay_as_they_are(small, 
     assert [leaf.tolist() for leaf in jax.tree.leaves(found.precision.parameters)] == [[prior]]
     assert np.isfinite(float(found.evidence))
     assert np.sum(found.precisions(model, 1) == prior) == 1
-    assert np.sum(found.precisions(model, RUNGS) == prior) == 1 + count_parameters(model) - theta.size
+    assert np.sum(found.precisions(model, CORRECTIONS) == prior) == 1 + count_parameters(model) - theta.size
 
 
 def test_what_is_pinned_stays_in_that_direction_alone():
