@@ -145,6 +145,8 @@ def test_lengths_and_angles_are_scored_each_by_itself_too():
     errors = [written_out(CartPole(), recording, k, k + 21)[1:] for k in (0, 5, 10)]
     each = np.sqrt(np.mean(np.square(errors), axis=1))
     assert score.coordinates == pytest.approx(np.median(each, axis=0), rel=1e-9)
+    moved = [q[k + 1 : k + 21] - q[k] for k in (0, 5, 10)]
+    assert score.motion == pytest.approx(np.sqrt(np.mean(np.square(moved))), rel=1e-9)
     both = np.sqrt(np.mean(np.square(errors), axis=(1, 2)))
     assert (score.window_rmse.median, score.window_rmse.mean) == pytest.approx((np.median(both), both.mean()), rel=1e-9)
 
@@ -199,7 +201,7 @@ def test_inputs_are_held_as_the_data_say():
 def test_too_short_a_recording_has_no_window():
     recording = recorded(0.05 * np.arange(20))
     (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(1))
-    assert np.isnan(score.window_rmse.median)
+    assert np.isnan([score.window_rmse.median, score.motion]).all()
     assert np.isfinite(score.rollout_rmse)
 
 

@@ -80,12 +80,13 @@ def _recordings(recordings: Sequence[RecordingScore], space: Space, names: Seque
     units = "[rad], of lengths [m] where the data say so" if len(space.lengths) else "[rad]"
     each = [f"1 s, {name}" for name in names] if 1 < len(names) <= _FEW else []
     return TableText(
-        f"position RMSE {units}: over windows of 1 s, and of one rollout over the whole recording"
+        f"position RMSE {units}: over windows of 1 s, beside how far positions move in these, and of one rollout over "
+        "the whole recording"
         + ("; of each coordinate the median over the windows" if each else ""),
-        ("recording", "split", "samples", "1 s median", "1 s mean", "whole", *each),
+        ("recording", "split", "samples", "1 s median", "1 s mean", "moves", "whole", *each),
         [
             (
-                *(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.rollout_rmse),
+                *(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.motion, r.rollout_rmse),
                 *r.coordinates[: len(each)],
             )
             for r in recordings

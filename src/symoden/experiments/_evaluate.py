@@ -70,6 +70,8 @@ class RecordingScore:
             infinite if it diverges.
         coordinates: The median over the windows for each coordinate by itself, for lengths and angles have no common
             unit.
+        motion: How far the positions move in such a window, what errors are to be compared with: root mean square of
+            their distance from the window's first sample; NaN if there is no window.
     """
 
     name: str
@@ -78,6 +80,7 @@ class RecordingScore:
     window_rmse: WindowScore
     rollout_rmse: float
     coordinates: tuple[float, ...] = ()
+    motion: float = np.nan
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,19 +153,26 @@ def score_recordings(
     windows = [(i, *edges) for i, recording in enumerate(recordings) for edges in one_second_windows(recording)]
     stretches = [Stretch(trajectory=recordings[i], start=start, stop=stop) for i, start, stop in windows]
     rmse: list[list[np.ndarray]] = [[] for _ in recordings]
+    moved: list[list[np.ndarray]] = [[] for _ in recordings]
+    for (i, _, _), stretch in zip(windows, stretches, strict=True):
+        moved[i].append(np.mean((stretch.q[1:] - stretch.q[0]) ** 2, axis=0))
     for k, path in paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
         rmse[windows[k][0]].append(_mean_squares(path.q[1:], stretches[k].q[1:]))
     whole = predict(model, recordings, hold=dataset.hold, solver=solver)
     return tuple(
-        _recording_score(split, recording, squares, path)
-        for (split, recording), squares, path in zip(chosen, rmse, whole, strict=True)
+        _recording_score(split, recording, squares, motion, path)
+        for (split, recording), squares, motion, path in zip(chosen, rmse, moved, whole, strict=True)
     )
 
 
 def _recording_score(
-    split: str, recording: Trajectory, squares: Sequence[Float[np.ndarray, " n"]], path: Prediction
+    split: str,
+    recording: Trajectory,
+    squares: Sequence[Float[np.ndarray, " n"]],
+    motion: Sequence[Float[np.ndarray, " n"]],
+    path: Prediction,
 ) -> RecordingScore:
-    """Score of one recording, from the mean squared errors of its windows and its whole rollout."""
+    """Score of one recording, from the mean squared errors and motions of its windows and its whole rollout."""
     first, n = recording.initial_samples, recording.q.shape[1]
     each = np.sqrt(np.asarray(squares).reshape(-1, n))
     errors = np.sqrt(np.mean(np.square(each), axis=1))
@@ -178,6 +188,7 @@ def _recording_score(
         ),
         rollout_rmse=float(np.sqrt(np.mean(_mean_squares(path.q[first:], recording.q[first:])))),
         coordinates=tuple(np.median(each, axis=0).tolist()) if known else (np.nan,) * n,
+        motion=float(np.sqrt(np.mean(motion))) if known else np.nan,
     )
 
 
