@@ -252,6 +252,12 @@ def test_known_arrays_have_no_derivative_and_are_not_trained():
     assert count_parameters(block) == 2
 
 
+@pytest.mark.parametrize("kind", [0, 3, 16])
+def test_a_correction_is_of_one_kind(kind):
+    with pytest.raises(ValueError, match=f"FRICTION, DIRECTIONS, ACTUATION or NETWORKS; got {kind}"):
+        Correction(constant(1), kind=kind)
+
+
 def test_corrections_are_free_by_their_kinds():
     early, late, last = (Correction(constant(*range(size)), kind=kind) for kind, size in ((1, 3), (2, 4), (8, 5)))
     tree = {"sum": Sum((constant(1, 2), early, late, last)), "unit": UNIT, "count": jnp.arange(3)}

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from symoden.blocks import DIRECTIONS, FRICTION, NETWORKS
 from symoden.known import KnownParts
-from symoden.models import BlockConfig, ModelConfig
+from symoden.models import BlockConfig, ModelConfig, build
+from symoden.spaces import Space
 from symoden.storage import StorageError, save_arrays
 from symoden.training import Ensemble, TrainingConfig, _ensemble, fit, infer_posterior, load_ensemble
 from symoden.training._flatten import Flattening
@@ -117,6 +119,18 @@ def test_few_models_make_wider_bands_than_many(found):
     few = dataclasses.replace(ensemble, members=ensemble.members[:2])
     assert ensemble.quantile(0.9) == pytest.approx(student.ppf(0.95, 12))
     assert few.quantile(0.9) > 1.5 * ensemble.quantile(0.9) > 1.5 * 1.645
+
+
+@pytest.mark.parametrize(
+    ("rung", "kinds"),
+    [(0, 0), (1, FRICTION), (2, FRICTION | DIRECTIONS), (3, FRICTION | DIRECTIONS | NETWORKS)],
+)
+def test_older_files_counted_the_rungs_that_were_free(small, tmp_path, rung, kinds):
+    model = build(dataclasses.replace(small, knees=(0.1,)), Space.parse("T1"), 1, key=jax.random.key(0))
+    theta = np.asarray(Flattening.of(model, corrections=kinds)[1], float)
+    facts = {"tried": 2, "windows": 9, "corrections": rung}
+    save_arrays(tmp_path / "e.safetensors", {"model": theta, "members": np.stack([theta, theta])}, facts)
+    assert load_ensemble(tmp_path / "e.safetensors", model).corrections == kinds
 
 
 def test_it_is_read_back_beside_its_own_model_alone(found, tmp_path):

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, Correction, Network, without_silent
-from symoden.models import build
+from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
+
+FULL = ModelConfig(
+    inverse_mass=BlockConfig(hidden=(3,), constant=True),
+    potential=BlockConfig(hidden=(3,), harmonics=True),
+    actuation=BlockConfig(hidden=(3,), constant=True),
+    friction=BlockConfig(hidden=(3,), constant=True),
+    knees=(0.1,),
+)
 
 
 def networks(model):
@@ -18,11 +26,13 @@ def networks(model):
 
 @pytest.mark.parametrize("space", ["T1", "R1 T1", "R1"])
 @pytest.mark.parametrize("corrections", [0, FRICTION, DIRECTIONS, FRICTION | ACTUATION])
-def test_what_is_silent_is_left_out_and_nothing_changes(space, corrections, small):
-    model = build(small, Space.parse(space), 1, key=jax.random.key(3))
+def test_what_is_silent_is_left_out_and_nothing_changes(space, corrections):
+    model = build(FULL, Space.parse(space), 1, key=jax.random.key(3))
     restore, theta = Flattening.of(model, corrections=corrections)
     lean, random = restore.lean(theta), np.random.default_rng(0)
     assert networks(model) > networks(lean(theta)) == 0
+    turning = "T" in space and bool(corrections & ACTUATION)
+    assert hasattr(lean(theta).actuation.function, "terms") == turning
     for _ in range(3):
         moved = theta + jnp.asarray(random.normal(size=theta.shape))
         state = jnp.asarray(random.normal(size=2 * model.space.size))

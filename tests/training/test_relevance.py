@@ -1,5 +1,6 @@
 """Learned priors: what the data do not ask for is narrowed to nothing, what they do is left alone."""
 
+import dataclasses
 import itertools
 
 import jax
@@ -157,11 +158,13 @@ def test_rows_and_entries_share_priors():
 
 
 def test_priors_are_in_the_order_of_the_parameters_of_every_kind(small):
-    model = build(small, Space.parse("T2"), 2, key=jax.random.key(0))
-    start = Relevance.start(model, 2.0)
+    model = build(dataclasses.replace(small, knees=(0.1,)), Space.parse("T2"), 2, key=jax.random.key(0))
+    start, sizes = Relevance.start(model, 2.0), []
     for corrections in (0, FRICTION, FRICTION | DIRECTIONS, CORRECTIONS):
         _, theta = Flattening.of(model, corrections=corrections)
+        sizes.append(theta.size)
         assert start.precisions(model, corrections).tolist() == [2.0] * theta.size
+    assert sizes == sorted(set(sizes))
 
 
 @pytest.mark.parametrize("prior", [0.0, 2.0])

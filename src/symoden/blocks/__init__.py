@@ -38,6 +38,7 @@ from ._friction import (
 from ._functions import (
     ACTIVATIONS as ACTIVATIONS,
     ACTUATION as ACTUATION,
+    CORRECTIONS as CORRECTIONS,
     DIRECTIONS as DIRECTIONS,
     FRICTION as FRICTION,
     NETWORKS as NETWORKS,
@@ -52,7 +53,6 @@ from ._harmonics import Harmonics as Harmonics, products as products
 from ._known import Known as Known
 from ._links import Links as Links, LinksBlock as LinksBlock
 from ._trainable import (
-    CORRECTIONS as CORRECTIONS,
     count_active as count_active,
     count_parameters as count_parameters,
     kinds_in_use as kinds_in_use,

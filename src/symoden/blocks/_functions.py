@@ -44,6 +44,8 @@ ACTUATION = 4
 """Those by which inputs act otherwise from configuration to configuration."""
 NETWORKS = 8
 """Networks, which can be anything."""
+CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS
+"""All kinds of corrections."""
 
 _WAVES = 2.0  # Spread of the first frequencies of a network of sines, relative to the inputs' scale.
 
@@ -170,6 +172,15 @@ class Correction(AbstractFunction):
 
     function: AbstractFunction
     kind: int = eqx.field(static=True, default=NETWORKS)
+
+    def __check_init__(self) -> None:
+        """Refuse anything but one kind.
+
+        Raises:
+            ValueError: If `kind` is no flag, or several.
+        """
+        if self.kind not in (FRICTION, DIRECTIONS, ACTUATION, NETWORKS):
+            raise ValueError(f"`kind` must be FRICTION, DIRECTIONS, ACTUATION or NETWORKS; got {self.kind}.")
 
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""

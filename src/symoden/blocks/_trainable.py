@@ -10,12 +10,9 @@ from jaxtyping import PyTree
 
 from symoden.shapes import Coordinates
 
-from ._functions import ACTUATION, DIRECTIONS, FRICTION, NETWORKS, AbstractFunction, Correction, Network, Sum
+from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Sum
 from ._harmonics import Harmonics
 from ._known import Known
-
-CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS
-"""All kinds of corrections."""
 
 
 def trainable(model: PyTree, *, corrections: int = CORRECTIONS) -> PyTree:

@@ -81,8 +81,7 @@ def _recordings(recordings: Sequence[RecordingScore], space: Space, names: Seque
     each = [f"1 s, {name}" for name in names] if 1 < len(names) <= _FEW else []
     return TableText(
         f"position RMSE {units}: over windows of 1 s, beside how far positions move in these, and of one rollout over "
-        "the whole recording"
-        + ("; of each coordinate the median over the windows" if each else ""),
+        "the whole recording" + ("; of each coordinate the median over the windows" if each else ""),
         ("recording", "split", "samples", "1 s median", "1 s mean", "moves", "whole", *each),
         [
             (

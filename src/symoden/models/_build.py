@@ -185,7 +185,7 @@ class _Maker:
             return KnownValue(Known.of(known))
         size = self.space.size * self.inputs
         function = self._function(self.config.actuation, size, base=0.1, key=key)
-        if self.config.actuation.constant and isinstance(function, Sum) and any(self.space.is_angle):
+        if isinstance(function, Sum) and self.config.actuation.constant and any(self.space.is_angle):
             # Forces that turn with a body, or pull at a lever.
             turning = Correction(
                 self._harmonics(size, powers=1, spread=0.0, key=jax.random.fold_in(key, 1)), kind=ACTUATION

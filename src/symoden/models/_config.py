@@ -49,7 +49,8 @@ class ModelConfig:
         kind: Which of the five models.
         inverse_mass: Block of M⁻¹; with harmonics, of the Jacobian whose square is M.
         potential: Block of V.
-        actuation: Block of g, unless it is given.
+        actuation: Block of g, unless it is given. Of a constant with a network, products as of `harmonics` are another
+            correction on a space with angles, which is asked for first.
         friction: Block of D, or of its viscous part.
         energy: Hidden layers of the unstructured model's network.
         flow: Hidden layers of the baselines' network.

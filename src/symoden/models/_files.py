@@ -56,7 +56,7 @@ _MODULES: dict[str, type[eqx.Module]] = {
     )
 }
 
-_LADDER = {1: blocks.FRICTION, 2: blocks.DIRECTIONS, 3: blocks.NETWORKS}  # Kinds of corrections in older files.
+_LADDER = {1: blocks.FRICTION, 2: blocks.DIRECTIONS}  # Rungs that corrections but networks had in older files.
 
 
 def save(path: Path | str, model: AbstractDynamics) -> None:
@@ -147,7 +147,8 @@ def _restore(description: Any, arrays: dict[str, np.ndarray]) -> Any:  # noqa: A
     module = _MODULES[description["module"]]
     fields = {name: _restore(value, arrays) for name, value in description["fields"].items()}
     if "rung" in fields:
-        fields["kind"] = _LADDER[fields.pop("rung")]
+        rung = fields.pop("rung")
+        fields["kind"] = blocks.NETWORKS if isinstance(fields["function"], blocks.Network) else _LADDER[rung]
     return module(**fields)
 
 

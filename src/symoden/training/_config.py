@@ -34,10 +34,10 @@ class TrainingConfig:
         prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance; where priors are
             learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
-        growth_steps: Further steps in which dry and quadratic friction is free, and as many again with the priors that
-            were learned and with the blocks' networks free; kept if validation gains by more than its standard error,
-            those after friction if by more than two. Networks stay closed where more than 4000 numbers would be
-            free with them, as on arms of four joints and more.
+        growth_steps: Further steps in which a learned g may depend on the configuration, as many in which dry and
+            quadratic friction is free, and again with the priors that were learned and with the blocks' networks free;
+            kept if validation gains by more than two standard errors, friction if by more than one. Networks stay
+            closed where more than 4000 numbers would be free with them, as on arms of four joints and more.
         relevance_steps: Steps after friction, and again in longer windows, in which every group of parameters learns a
             prior of its own, so that noisy data use no more parameters than they determine; kept unless validation
             speaks against it.

@@ -35,7 +35,11 @@ _FEWEST = 20  # Of them, or they stay as they are.
 _MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
 _NAMED = 3
-_FAR = 0.1  # Share of a loss that chance does not take it to, however few windows say so.
+_FAR = (
+    0.1  # Share of a loss that chance does not take it to, where so many windows and so large a share of them say so.
+)
+_FEW, _MOSTLY = 3, 0.75
+_LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
 
 
 class Data(NamedTuple):
@@ -60,7 +64,7 @@ class Data(NamedTuple):
 
         Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
         of Breiman et al., 1984). But the losses of a few windows differ by more than their mean, so that their standard
-        error says little: what is tenfold in the mean, and in most windows, is no chance.
+        error says little: what is tenfold in the mean, and in three of four windows, of three or more, is no chance.
 
         Returns:
             Mean of the differences, window against window, relative to its standard error; infinite if it is tenfold.
@@ -80,14 +84,14 @@ class Data(NamedTuple):
             return math.copysign(math.inf, np.mean(here) - np.mean(there))
         if len(here) == 1:
             return 0.0
-        error = float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
-        return float(np.mean(here - there)) / max(error, float(np.finfo(float).tiny))
+        mean, error = float(np.mean(here - there)), float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
+        return mean / max(error, _LEAST_ERROR * abs(mean), float(np.finfo(float).tiny))
 
 
 def _is_far_below(losses: Float[np.ndarray, " W"], others: Float[np.ndarray, " W"]) -> bool:
-    """Whether windows' losses are a tenth of others, in the mean and in more than half of the windows."""
-    below = losses < _FAR * others
-    return bool(np.mean(losses) < _FAR * np.mean(others) and np.mean(below) > 1 / 2)
+    """Whether windows' losses are a tenth of others, in the mean and in three of four windows."""
+    enough = len(losses) >= _FEW and np.mean(losses < _FAR * others) >= _MOSTLY
+    return bool(enough and np.mean(losses) < _FAR * np.mean(others))
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:

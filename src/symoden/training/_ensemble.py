@@ -14,6 +14,7 @@ import numpy as np
 import scipy.stats
 from jaxtyping import Array, Float
 
+from symoden.blocks import DIRECTIONS, FRICTION, NETWORKS
 from symoden.mechanics import AbstractDynamics
 from symoden.storage import StorageError, load_arrays, save_arrays
 
@@ -35,6 +36,7 @@ FEWEST_MEMBERS: Final = 2
 _TRIES: Final = 2  # Of initial weights, for every member that is wanted.
 _ASTRAY: Final = 1.5  # Times the trained model's loss on the same windows: a member above has found another basin.
 _SAME: Final = 1e-4  # Relative difference of models that differ by rounding in a file.
+_LADDER: Final = (0, FRICTION, FRICTION | DIRECTIONS, FRICTION | DIRECTIONS | NETWORKS)  # Rungs in older files.
 
 
 @final
@@ -118,7 +120,7 @@ def save_ensemble(path: Path, ensemble: Ensemble) -> None:
     Raises:
         StorageError: If it cannot be written.
     """
-    facts = {"tried": ensemble.tried, "windows": ensemble.windows, "corrections": ensemble.corrections}
+    facts = {"tried": ensemble.tried, "windows": ensemble.windows, "kinds": ensemble.corrections}
     save_arrays(path, {"model": ensemble.theta, "members": ensemble.members}, facts)
 
 
@@ -143,7 +145,8 @@ def load_ensemble(path: Path, model: AbstractDynamics) -> Ensemble:
     if set(arrays) != {"model", "members"}:
         raise StorageError(f"`{path}` must be an ensemble; it is another file of symoden. {remedy}")
     saved, members = arrays["model"], arrays["members"]
-    tried, windows, corrections = (int(facts[name]) for name in ("tried", "windows", "corrections"))
+    tried, windows = (int(facts[name]) for name in ("tried", "windows"))
+    corrections = int(facts["kinds"]) if "kinds" in facts else _LADDER[int(facts["corrections"])]
     with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
         restore, theta = Flattening.of(cast(model, float), corrections=corrections)
     if saved.shape != theta.shape or not np.allclose(saved, theta, rtol=_SAME, atol=_SAME):

@@ -23,8 +23,7 @@ from ._stages import AbstractStage
 
 _MANY: Final = 3  # Coordinates.
 _CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
-_KINDS: Final = (ACTUATION, FRICTION, DIRECTIONS, NETWORKS)
-_CLEAR: Final = 2.0  # The same for what is asked last: ask often enough, and chance says yes.
+_CLEAR: Final = 2.0  # The same for what few machines have, or is asked last: ask often, and chance says yes.
 
 
 def line_up(
@@ -115,32 +114,36 @@ def _further(
 
     What comes after longer windows goes by the longest: short ones would undo what these find.
 
-    Errors are not whitened where friction or networks are set free: what a block has not learned yet is no noise, and
-    must count in full.
+    Errors are not whitened where anything is set free: what a block has not learned yet is no noise, and must count in
+    full.
 
-    More than `MOST_PARAMETERS` are too many: networks then stay closed, and priors as wide as they are. In a regression
-    networks stay closed too.
+    More than `MOST_PARAMETERS` are too many: networks and harmonics of g then stay closed, and priors as wide as they
+    are. In a regression networks stay closed too.
 
     Returns:
         The stages.
     """
     count = functools.partial(count_parameters, dynamics)
     grow, learn = config.growth_steps, config.relevance_steps
-    has = {kind: grow > 0 and count(corrections=kind) > count(corrections=0) for kind in _KINDS}
-    judged = FRICTION if has[FRICTION] else 0
-    has[ACTUATION] &= count(corrections=judged | DIRECTIONS | ACTUATION) <= MOST_PARAMETERS
-    has[NETWORKS] &= not regression and count() <= MOST_PARAMETERS
-    learns = learn > 0 and 0 < count(corrections=judged) <= MOST_PARAMETERS
+
+    def has(kind: int) -> bool:
+        return grow > 0 and count(corrections=kind) > count(corrections=0)
+
+    def fits(kinds: int) -> bool:
+        return 0 < count(corrections=kinds) <= MOST_PARAMETERS
+
+    judged = FRICTION if has(FRICTION) else 0
+    learns = learn > 0 and fits(judged)
     of = "regression: " if regression else ""
     asked = (
-        (ACTUATION, "actuation", ACTUATION, _CLEAR),
-        (FRICTION, "friction", FRICTION, _CHANCE),
-        (DIRECTIONS, "directions", FRICTION | DIRECTIONS, _CLEAR),
+        ("actuation", ACTUATION, _CLEAR, has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)),
+        ("friction", FRICTION, _CHANCE, has(FRICTION)),
+        ("directions", FRICTION | DIRECTIONS, _CLEAR, has(DIRECTIONS)),
     )
     stages = [
         LevenbergStage(data, config, of + name, grow, kinds, margin=margin, frees=True)
-        for kind, name, kinds, margin in asked
-        if has[kind]
+        for name, kinds, margin, sensible in asked
+        if sensible
     ]
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
     if learns:
@@ -152,6 +155,6 @@ def _further(
     longest = longer[-1] if longer else data
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
-    if has[NETWORKS]:
+    if not regression and has(NETWORKS) and fits(judged | NETWORKS):
         stages.append(LevenbergStage(longest, config, "growth", grow, judged | NETWORKS, margin=_CLEAR))
     return stages
