@@ -99,6 +99,10 @@ def test_degrees_are_unwrapped_as_angles(tmp_path):
         ('q.position = "deg"', 'a table of columns; a name with dots stands in quotes, such as "q.position"'),
         ("q = true", "`units` of `q` must be the name of a unit"),
         ("q = [1, 2]", "`units` of `q` must be the name of a unit"),
+        ('q = "ms"', "say of `q`, which is of `positions`, how its numbers become rad or m; got a unit of s"),
+        ('"q[1]" = "rpm"', "got a unit of rad/s. Write `rad, deg, rev, m, cm, mm`, or a factor"),
+        ('v = "deg"', "say of `v`, which is of `velocities`, how its numbers become rad/s or m/s; got a unit of rad"),
+        ('t = "mm"', "say of `t`, which is of `time`, how its numbers become s; got a unit of m"),
     ],
 )
 def test_what_is_no_unit_is_refused(tmp_path, units, message):

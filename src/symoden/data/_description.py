@@ -13,9 +13,11 @@ from ._cells import label
 from ._errors import DataError, listing, nearest
 from ._known import read_known
 from ._readers import Selector, names_in
-from ._units import factor_of, is_named, si_of
+from ._units import factor_of, is_named, si_of, units_of
 
 Check: TypeAlias = Callable[[object], object]
+
+_FITTING: Final = {"time": ("s",), "positions": ("rad", "m"), "rates": ("rad/s", "m/s")}  # Of inputs any is.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,6 +196,7 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         )
     for key, named in (("units", description.units), ("zeros", description.zeros)):
         _refuse_unread(path, key, named, description.selectors)
+    _refuse_unfit_units(path, description)
 
 
 def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mapping[str, Selector]) -> None:
@@ -205,6 +208,21 @@ def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mappin
                 f"`{path}`: `{key}` must name columns that are read, which are {listing(read)}; got `{column}`. Spell "
                 "both as the files do."
             )
+
+
+def _refuse_unfit_units(path: Path, description: Description) -> None:
+    """Refuse units of another kind than a column is of."""
+    for role, fitting in _FITTING.items():
+        if role == "rates" and description.momenta is not None:
+            continue
+        read = {role: description.selectors.get(role, ())}
+        for column, unit in description.si_units.items():
+            if unit not in fitting and is_named(column, read):
+                what = "velocities" if role == "rates" else role
+                raise DataError(
+                    f"`{path}`: `units` must say of `{column}`, which is of `{what}`, how its numbers become "
+                    f"{' or '.join(fitting)}; got a unit of {unit}. Write {listing(units_of(fitting))}, or a factor."
+                )
 
 
 def _refuse_other_size(path: Path, description: Description) -> None:

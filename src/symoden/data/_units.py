@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Final, TypeVar
 
@@ -71,6 +71,22 @@ def si_of(unit: object) -> str | None:
     if not isinstance(unit, str):
         return None
     return next(si for si, units in _BY_SI.items() if _plain(unit) in units)
+
+
+def units_of(si: Iterable[str]) -> list[str]:
+    """Units that are brought to one of some SI units, or rad.
+
+    Args:
+        si: The SI units.
+
+    Returns:
+        Their names.
+
+    Example:
+        >>> units_of(["m", "s"])
+        ['m', 'cm', 'mm', 's', 'ms', 'us', 'ns']
+    """
+    return [unit for each in si for unit in _BY_SI[each]]
 
 
 def _plain(unit: str) -> str:
