@@ -16,6 +16,7 @@ def test_a_common_factor_is_named_where_most_of_m_and_v_is_uncertain_by_it(apart
         relative={"M": 0.1, "V": 0.1, "D": 0.3},
         common_factor=0.099,
         apart=apart,
+        accelerations={},
         undetermined=(),
         parameters=9,
         windows=20,
@@ -27,3 +28,24 @@ def test_a_common_factor_is_named_where_most_of_m_and_v_is_uncertain_by_it(apart
         assert words == [
             "mostly a common factor of M, V and D, which inputs tell: ± 9.9%; were it known, M ± 1%, V ± 2%, D ± 20%"
         ]
+
+
+@pytest.mark.parametrize(("undetermined", "told"), [(("M[1, 2]", "g[2, 1]"), False), (("M[2, 2]", "D[2, 2]"), True)])
+def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_known(undetermined, told):
+    certain = Certainty(
+        level=0.9,
+        profiles=(),
+        friction=(),
+        identified={},
+        relative={"M": 1.3, "V": 0.1, "D": 1.3},
+        common_factor=None,
+        apart={},
+        accelerations={"inputs": 0.02, "potential": 0.004, "friction": 0.07},
+        undetermined=undetermined,
+        parameters=9,
+        windows=20,
+        effective=7.0,
+    )
+    words = list(certainty_words(certain, ""))
+    assert "accelerations, whose scale is told: by inputs ± 2%, by potential ± 0.4%, by friction ± 7%" in words
+    assert any("has a factor of its own" in line for line in words) == told

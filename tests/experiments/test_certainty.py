@@ -69,12 +69,16 @@ def test_bands_contain_the_truth_of_a_pendulum_in_noise(learned):
         value, width = (getattr(part.profiles[0], name)[0, 0, 0] for part in (found, band))
         assert abs(value / learned_mass - true / mass) < 3 * width / learned_mass
         assert 0 < width < 0.3 * value
+    assert band.accelerations["inputs"] == pytest.approx(band.relative["g"], rel=1e-3)
+    assert band.accelerations["friction"] == pytest.approx(band.relative["D"], rel=1e-3)
+    assert 0 < band.accelerations["potential"] < 0.3
 
 
 def test_the_gauge_changes_no_relative_band(learned):
     model, dataset = learned
     (_, one), (_, other) = bands(model, dataset), bands(rescale(model, 3.0), dataset)
     assert other.relative == pytest.approx(one.relative, rel=1e-3, abs=1e-9)
+    assert other.accelerations == pytest.approx(one.accelerations, rel=1e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize("full", [False, True])
@@ -101,7 +105,9 @@ def test_members_that_differ_in_the_gauge_alone_differ_in_nothing(learned, full)
     assert band.relative == pytest.approx(dict.fromkeys(band.relative, 0.0), abs=1e-5)
     assert (band.members, band.tried, band.effective) == (3, 3, None)
     uneven = dataclasses.replace(ensemble, restore=in_units(spoilt))
-    assert certainty(uneven, found).relative["D"] > 0.1
+    band = certainty(uneven, found)
+    assert band.relative["D"] > 0.1
+    assert band.accelerations["friction"] > 0.1 > band.accelerations["inputs"]
 
 
 def test_what_inputs_alone_tell_is_a_common_factor(learned):
@@ -125,6 +131,7 @@ def test_what_inputs_alone_tell_is_a_common_factor(learned):
         wide = ensemble.quantile(0.9)
         assert (band.common_factor or 0.0) == pytest.approx(wide * common, rel=0.03)
         assert band.relative["D"] == pytest.approx(wide * 0.0173, rel=0.03)
+        assert band.accelerations == {}  # The scale is known.
         left = band.apart or band.relative
         assert left["D"] == pytest.approx(wide * apart, abs=1e-3)
         assert (left["M"], left["V"]) == pytest.approx((0.0, 0.0), abs=1e-3)

@@ -71,6 +71,31 @@ class Exploding(AbstractDynamics):
         return state
 
 
+TRACED = []
+
+
+@final
+class Traced(AbstractDynamics):
+    """ẋ = u, which notes how often it is traced."""
+
+    space: Space = eqx.field(default=Space((False,)), static=True)
+    inputs: int = eqx.field(default=1, static=True)
+    momenta: bool = eqx.field(default=False, static=True)
+
+    def encode(self, q, rates):
+        return jnp.concatenate([q, rates])
+
+    def derivative(self, t, state, u):
+        TRACED.append(t)
+        return jnp.concatenate([u, 0 * u])
+
+    def decode(self, state):
+        return state[:1], state[1:]
+
+    def observe(self, state):
+        return state
+
+
 @eqx.filter_jit
 def simulate(system, q0, v0, ts, us, solver, hold):
     return rollout(system, q0, v0, ts, us, solver=solver, hold=hold)
@@ -174,6 +199,14 @@ def test_single_precision_in_is_single_precision_out(name):
 
 PLAIN = inspect.unwrap(rollout)  # as users have it, without the check of types that tests add
 LINE = jnp.linspace(0.0, 1.0, 5)
+
+
+def test_a_rollout_in_a_loop_is_compiled_once():
+    """Each compilation is kept: some three hundred of them ended the process."""
+    for k in range(3):
+        path = rollout(Traced(), jnp.array([0.1 * k]), jnp.zeros(1), IRREGULAR, US)
+        assert path.q[-1, 0] == pytest.approx(0.1 * k + float(jnp.diff(IRREGULAR) @ US[:-1, 0]))
+        assert len(TRACED) == 1
 
 
 def test_lists_are_as_good_as_arrays():

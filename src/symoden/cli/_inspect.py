@@ -55,6 +55,7 @@ def _certainty_as_json(found: Certainty | None, missing: str) -> dict[str, objec
         "relative",
         "common_factor",
         "apart",
+        "accelerations",
         "undetermined",
         "identified",
         "effective",

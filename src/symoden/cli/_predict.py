@@ -45,7 +45,8 @@ def run(command: Predict) -> None:
         if share > _MANY:
             print(
                 f"warning: `{name}` lies outside of what training saw for {share:.0%} of its samples, recorded or "
-                "predicted; there the model extrapolates. Train on data that reach as far.",
+                "predicted (a rollout may, where the recording does not); there the model extrapolates. Train on "
+                "data that reach as far.",
                 file=sys.stderr,
             )
     if command.general.json:

@@ -1,5 +1,6 @@
 """How certain a model is, and how it does on recordings, in sentences."""
 
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -11,6 +12,7 @@ from ._output import number
 
 _NONE: Final = 1e-6  # Relative width of a band that is none.
 _MOSTLY: Final = 0.7  # Half of the variance.
+_DIAGONAL: Final = re.compile(r"M\[(\d+), \1\]")
 
 
 def training_words(config: RunConfig) -> Iterator[str]:
@@ -83,8 +85,17 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
             f"mostly a common factor of M, V and D, which inputs tell: ± {100 * certain.common_factor:.2g}%; were it "
             "known, " + ", ".join(f"{name} ± {100 * value:.2g}%" for name, value in certain.apart.items())
         )
+    if certain.accelerations:
+        yield "accelerations, whose scale is told: " + ", ".join(
+            f"by {name} ± {100 * value:.2g}%" for name, value in certain.accelerations.items()
+        )
     if certain.undetermined:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
+    if certain.accelerations and any(_DIAGONAL.fullmatch(entry) for entry in certain.undetermined):
+        yield (
+            "where no other coordinate acts on one, its row of M, V, g and D has a factor of its own, which no motion "
+            "tells: a given `input_matrix` fixes all"
+        )
 
 
 def _is_common(certain: Certainty) -> bool:

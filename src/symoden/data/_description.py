@@ -338,7 +338,7 @@ def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
     """Rows of numbers, all of one length."""
     rows = value if isinstance(value, list) else []
     if not rows or not all(isinstance(row, list) and row and all(map(_is_number, row)) for row in rows):
-        _fail("a list of rows of numbers, such as [[1, 0], [0, 1]]")
+        _fail("a list of rows of numbers, such as [[1, 0], [0, 1]]; formulas stand under [known]")
     if len({len(row) for row in rows}) > 1:
         _fail("rows of equal length")
     return tuple(tuple(float(item) for item in row) for row in rows)

@@ -38,6 +38,9 @@ class Certainty:
             where anything but a known g fixes it, or nothing.
         apart: As `relative` of M, V and D where that factor were known: what differs from `relative` is known of
             their ratios alone.
+        accelerations: Where nothing fixes the scale, the same of M⁻¹g, M⁻¹∇V and M⁻¹Dv, "inputs", "potential" and
+            "friction", which no factor changes: neither the common one, nor one of a coordinate's own, which is open
+            too where no other coordinate acts on it.
         undetermined: Entries of blocks whose band is wider than what is learned is large, everywhere.
         parameters: Number of parameters that training set free, and of those of friction's direction that bands leave
             open.
@@ -54,12 +57,21 @@ class Certainty:
     relative: dict[str, float]
     common_factor: float | None
     apart: dict[str, float]
+    accelerations: dict[str, float]
     undetermined: tuple[str, ...]
     parameters: int
     windows: int
     effective: float | None = None
     members: int | None = None
     tried: int | None = None
+
+
+class _Accelerations(NamedTuple):
+    """What accelerates the coordinates at some states."""
+
+    inputs: Float[Array, "K n m"]
+    potential: Float[Array, "K n"]
+    friction: Float[Array, "K n"]
 
 
 class _Blocks(NamedTuple):
@@ -101,12 +113,13 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         forces = [
             _blocks(model, q, v).dissipation[:, -n + i, -n + i] * v[:, i] for i, (q, v) in enumerate(friction_states)
         ]
+        pushed = [_accelerations(model, *states) for states in profile_states] if free else []
         named = jnp.stack([*model.parameters.quantities.values()]) if model.parameters else jnp.zeros(0)
         if free:
             factor = jnp.exp(size - _log_size(model, profile_states))
             along = [_scaled(blocks, factor) for blocks in along]
             forces = [factor * force for force in forces]
-        return along, forces, named, jnp.zeros(()) if free else _log_size(model, profile_states)
+        return along, forces, named, pushed, jnp.zeros(()) if free else _log_size(model, profile_states)
 
     size = _log_size(model, profile_states) if free else jnp.zeros(())
     values, structure = jax.tree.flatten(everything(model))
@@ -135,6 +148,7 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         relative=_relative(learned[0], found[0]),
         common_factor=common or None,
         apart={symbol: apart[symbol] for symbol in _SCALED if symbol in apart},
+        accelerations=_relative(learned[3], found[3]) if free else {},
         undetermined=_undetermined(learned[0], found[0]),
         parameters=len(posterior.theta),
         windows=posterior.windows,
@@ -159,6 +173,20 @@ def _blocks(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray) -> _Bl
             potential=model.hamiltonian(q, jnp.zeros_like(q)),
             inputs=model.input_matrix(q),
             dissipation=model.dissipation_matrix(q, v),
+        )
+
+    return jax.vmap(one)(jnp.asarray(q), jnp.asarray(v))
+
+
+def _accelerations(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray) -> _Accelerations:
+    """What accelerates the coordinates, at some states."""
+
+    def one(q: Array, v: Array) -> _Accelerations:
+        inverse = model.inverse_mass_matrix(q)
+        slope = jax.grad(lambda q: model.hamiltonian(q, jnp.zeros_like(q)))(q)
+        friction = model.dissipation_matrix(q, v)[-len(q) :, -len(q) :] @ v  # Of the full D, what acts on momenta.
+        return _Accelerations(
+            inputs=inverse @ model.input_matrix(q), potential=inverse @ slope, friction=inverse @ friction
         )
 
     return jax.vmap(one)(jnp.asarray(q), jnp.asarray(v))
@@ -210,13 +238,16 @@ _SCALED: Final = ("M", "V", "D")  # What has a common factor where g is known.
 _SYMBOLS: Final = {"mass": "M", "potential": "V", "inputs": "g", "dissipation": "D"}
 
 
-def _relative(learned: Sequence[_Blocks], widths: Sequence[_Blocks]) -> dict[str, float]:
-    """Half widths over the size of each block, in the median along the profiles."""
+def _relative(
+    learned: Sequence[_Blocks | _Accelerations], widths: Sequence[_Blocks | _Accelerations]
+) -> dict[str, float]:
+    """Half widths over the size of each quantity, in the median along the profiles."""
     found: dict[str, float] = {}
-    for name, symbol in _SYMBOLS.items():
+    for i, name in enumerate(learned[0]._fields):
+        symbol = _SYMBOLS.get(name, name) if isinstance(learned[0], _Blocks) else name
         value, width = (
-            np.concatenate([np.reshape(getattr(b, name), (len(b.mass), -1)) for b in blocks])
-            for blocks in (learned, widths)
+            np.concatenate([np.reshape(each[i], (len(each[i]), -1)) for each in quantities])
+            for quantities in (learned, widths)
         )
         size = float(np.sqrt(np.mean(value**2))) if value.size else 0.0
         if size:

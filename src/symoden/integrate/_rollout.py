@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import NamedTuple, TypeAlias
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -106,6 +107,22 @@ def rollout(
     )
     ts, us = _checked_samples(ts, us, dynamics.inputs)
     advance = RK4() if solver is None else solver
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((dynamics, q0, rates0, ts, us, advance)))
+    simulate = _simulate if traced else _compiled
+    return simulate(dynamics, q0, rates0, ts, us, advance, hold, unroll)
+
+
+def _simulate(
+    dynamics: AbstractDynamics,
+    q0: Coordinates,
+    rates0: Rates,
+    ts: Times,
+    us: SampledInputs,
+    advance: AbstractSolver,
+    hold: Hold,
+    unroll: bool,  # noqa: FBT001 - filter_jit takes what is static by its place
+) -> Rollout:
+    """Simulate from arguments that have been checked."""
 
     def step(state: Float[Array, " s"], sample: tuple) -> tuple[Float[Array, " s"], Float[Array, " s"]]:
         after = advance.step(dynamics.derivative, state, *sample)
@@ -116,6 +133,9 @@ def rollout(
     states = jnp.concatenate([start[None], later])
     q, rates = jax.vmap(dynamics.decode)(states)
     return Rollout(states=states, q=q, rates=rates, observations=jax.vmap(dynamics.observe)(states))
+
+
+_compiled = eqx.filter_jit(_simulate)  # A loop that is not would be compiled anew in every call, and be kept.
 
 
 def _checked_samples(ts: object, us: object, inputs: int) -> tuple[jax.Array, jax.Array]:
