@@ -37,7 +37,7 @@ def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_
         profiles=(),
         friction=(),
         identified={},
-        relative={"M": 1.3, "V": 0.1, "D": 1.3},
+        relative={"M": 1.3, "V": 0.1, "D": 70.0},
         common_factor=None,
         apart={},
         accelerations={"inputs": 0.02, "potential": 0.004, "friction": 0.07},
@@ -48,4 +48,5 @@ def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_
     )
     words = list(certainty_words(certain, ""))
     assert "accelerations, whose scale is told: by inputs ± 2%, by potential ± 0.4%, by friction ± 7%" in words
+    assert "typical: M ± 130%, V ± 10%, D ± more than 1000%" in words
     assert any("has a factor of its own" in line for line in words) == told

@@ -12,6 +12,7 @@ from ._output import number
 
 _NONE: Final = 1e-6  # Relative width of a band that is none.
 _MOSTLY: Final = 0.7  # Half of the variance.
+_UNKNOWN: Final = 10.0
 _DIAGONAL: Final = re.compile(r"M\[(\d+), \1\]")
 
 
@@ -78,16 +79,16 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
             "with replacement"
         )
     yield "typical: " + ", ".join(
-        f"{name} ± {100 * value:.2g}%" for name, value in certain.relative.items() if value > _NONE
+        f"{name} ± {_percent(value)}" for name, value in certain.relative.items() if value > _NONE
     )
     if certain.common_factor is not None and _is_common(certain):
         yield (
-            f"mostly a common factor of M, V and D, which inputs tell: ± {100 * certain.common_factor:.2g}%; were it "
-            "known, " + ", ".join(f"{name} ± {100 * value:.2g}%" for name, value in certain.apart.items())
+            f"mostly a common factor of M, V and D, which inputs tell: ± {_percent(certain.common_factor)}; were it "
+            "known, " + ", ".join(f"{name} ± {_percent(value)}" for name, value in certain.apart.items())
         )
     if certain.accelerations:
         yield "accelerations, whose scale is told: " + ", ".join(
-            f"by {name} ± {100 * value:.2g}%" for name, value in certain.accelerations.items()
+            f"by {name} ± {_percent(value)}" for name, value in certain.accelerations.items()
         )
     if certain.undetermined:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
@@ -96,6 +97,13 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
             "where no other coordinate acts on one, its row of M, V, g and D has a factor of its own, which no motion "
             "tells: a given `input_matrix` fixes all"
         )
+
+
+def _percent(share: float) -> str:
+    """A relative half width; beyond ten times itself a quantity is not known at all."""
+    if share > _UNKNOWN:
+        return f"more than {_UNKNOWN:.0%}"
+    return f"{100 * share:.2g}%" if share < 1 else f"{share:.0%}"
 
 
 def _is_common(certain: Certainty) -> bool:

@@ -33,7 +33,7 @@ class Certainty:
         friction: The same of friction along every velocity.
         identified: Half widths of the parameters of given formulas.
         relative: For M, V, g and D the half width over the size of the block (its root mean square over the profiles),
-            in the median along the profiles.
+            in the median along each profile, of which the root mean square is taken.
         common_factor: Relative half width of the common factor of M, V and D (that of the mean of log det M); none
             where anything but a known g fixes it, or nothing.
         apart: As `relative` of M, V and D where that factor were known: what differs from `relative` is known of
@@ -241,17 +241,18 @@ _SYMBOLS: Final = {"mass": "M", "potential": "V", "inputs": "g", "dissipation": 
 def _relative(
     learned: Sequence[_Blocks | _Accelerations], widths: Sequence[_Blocks | _Accelerations]
 ) -> dict[str, float]:
-    """Half widths over the size of each quantity, in the median along the profiles."""
+    """Half widths over the size of each quantity: of every profile's median the root mean square."""
     found: dict[str, float] = {}
     for i, name in enumerate(learned[0]._fields):
         symbol = _SYMBOLS.get(name, name) if isinstance(learned[0], _Blocks) else name
-        value, width = (
-            np.concatenate([np.reshape(each[i], (len(each[i]), -1)) for each in quantities])
-            for quantities in (learned, widths)
+        values, halves = (
+            [np.reshape(each[i], (len(each[i]), -1)) for each in quantities] for quantities in (learned, widths)
         )
-        size = float(np.sqrt(np.mean(value**2))) if value.size else 0.0
+        size = float(np.sqrt(np.mean(np.concatenate(values) ** 2))) if values[0].size else 0.0
         if size:
-            found[symbol] = float(np.median(np.sqrt(np.mean(width**2, axis=1)))) / size
+            # A median of all together would be that of profiles along which an energy hardly changes.
+            typical = [np.median(np.sqrt(np.mean(half**2, axis=1))) for half in halves]
+            found[symbol] = float(np.sqrt(np.mean(np.square(typical)))) / size
     return found
 
 
