@@ -77,7 +77,7 @@ def test_evaluate_says_how_many_positions_its_bands_cover(arm_run, capsys):
 
 
 def test_how_training_went_goes_with_what_came_of_it(arm, tmp_path, capsys):
-    outcome, verdict = "stopped at the time limit of 1 minutes, with growth still to come", "not kept (for a reason)"
+    outcome, verdict = "stopped at the time limit of 1 minute, with growth still to come", "not kept (for a reason)"
     trained = TrainingSummary(outcome=outcome, completed=False, seconds=61.0, verdicts={"friction": verdict})
     run = write_untrained_run(tmp_path / "run", arm, trained=trained)
     assert answer(capsys, "inspect", run)["training"] == asdict(trained)

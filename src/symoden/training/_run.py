@@ -77,7 +77,8 @@ class Stopwatch:
             The outcome in words.
         """
         names = ", ".join(dict.fromkeys(left))
-        return f"stopped at the time limit of {self._limit:g} minutes, with {names} still to come (--resume goes on)"
+        limit = f"{self._limit:g} minute{'' if self._limit == 1 else 's'}"
+        return f"stopped at the time limit of {limit}, with {names} still to come (--resume goes on)"
 
 
 @dataclass(frozen=True, kw_only=True)
