@@ -17,6 +17,7 @@ from ._units import factor_of, is_named, si_of, units_of
 
 Check: TypeAlias = Callable[[object], object]
 
+_ENDS: Final = 2  # Of an interval.
 _FITTING: Final = {"time": ("s",), "positions": ("rad", "m"), "rates": ("rad/s", "m/s")}  # Of inputs any is.
 
 
@@ -55,6 +56,8 @@ class Description:
             all its columns. In the file: a factor, or a unit's name: `units = {q = "deg", "tau[1]" = -0.062}`.
         si_units: SI units that columns are brought to, where `units` name a unit.
         zeros: What columns show where what they measure is zero, in the unit that they are in.
+        blind: Positions at which a sensor does not follow the motion: intervals in SI or rad by the name of a column.
+            An empty list says that it has no such spot, where one would be found.
         hold: What an input is between samples.
         input_delay: Constant transport delay of the inputs [s], one for all or one each: the input that acts at t is
             the one that was logged at t − delay. The first samples, whose inputs were not logged, are left out.
@@ -79,6 +82,7 @@ class Description:
     units: Mapping[str, float] = field(default_factory=dict)
     si_units: Mapping[str, str] = field(default_factory=dict)
     zeros: Mapping[str, float] = field(default_factory=dict)
+    blind: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     hold: Literal["zero", "linear"] = "zero"
     input_delay: tuple[float, ...] = (0.0,)
     resample: float | None = None
@@ -196,6 +200,7 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         )
     for key, named in (("units", description.units), ("zeros", description.zeros)):
         _refuse_unread(path, key, named, description.selectors)
+    _refuse_unread(path, "blind", description.blind, {"positions": description.positions})
     _refuse_unfit_units(path, description)
 
 
@@ -322,6 +327,21 @@ def _zeros(value: object) -> dict[str, float]:
     return {column: float(number) for column, number in value.items()}
 
 
+def _blind(value: object) -> dict[str, tuple[tuple[float, float], ...]]:
+    """Intervals by column."""
+    if not isinstance(value, dict) or not all(map(_are_intervals, value.values())):
+        _fail("a table of columns and lists of intervals, from less to more, such as {q = [[0.9, 1.4]]}, or {q = []}")
+    return {column: tuple((float(a), float(b)) for a, b in intervals) for column, intervals in value.items()}
+
+
+def _are_intervals(value: object) -> bool:
+    """Whether a value is a list of pairs of numbers, the second one the larger."""
+    return isinstance(value, list) and all(
+        isinstance(pair, list) and len(pair) == _ENDS and all(map(_is_number, pair)) and pair[0] < pair[1]
+        for pair in value
+    )
+
+
 def _delays(value: object) -> tuple[float, ...]:
     """Seconds from 0 on, one or several."""
     seconds = [
@@ -371,6 +391,7 @@ _KEYS: Final[dict[str, Check]] = {
     "inputs": _inputs,
     "units": _units,
     "zeros": _zeros,
+    "blind": _blind,
     "hold": _hold,
     "input_delay": _delays,
     "resample": _positive,

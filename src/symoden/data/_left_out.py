@@ -10,6 +10,7 @@ from ._limits import LARGEST_NUMBER
 from ._logs import Log
 from ._masking import Mask
 from ._tables import find_short_lines, is_text
+from ._units import key
 
 _ESTIMATED = " Velocities can be left out: they are then estimated from the positions."
 
@@ -25,7 +26,7 @@ class _Short:
 
 
 def find_masked(log: Log, mask: Mask) -> list[Finding]:
-    """Say which samples stand out alone, and where a log is split.
+    """Say which samples stand out alone or lie in a dead spot, and where a log is split.
 
     Args:
         log: What was logged.
@@ -34,7 +35,7 @@ def find_masked(log: Log, mask: Mask) -> list[Finding]:
     Returns:
         The findings.
     """
-    return [*_spikes(log, mask), *_gaps(mask)]
+    return [*_spikes(log, mask), *_blind(log, mask), *_gaps(mask)]
 
 
 def find_merged(log: Log) -> list[Finding]:
@@ -191,6 +192,32 @@ def _spikes(log: Log, mask: Mask) -> list[Finding]:
         )
         for each in mask.spikes
     ]
+
+
+def _blind(log: Log, mask: Mask) -> list[Finding]:
+    """Rows in dead spots of sensors."""
+    found = []
+    for spot, rows in mask.blind:
+        start, end = spot.interval
+        where = f"between {start:.3g} and {end:.3g}"
+        if spot.loud is None:
+            text = f"`{spot.channel}` is {where} in {len(rows)} of {len(log)} rows, where it is said to be blind"
+            advice = "These are left out, as `blind` says."
+        else:
+            text = (
+                f"`{spot.channel}` does not follow the motion {where}: its samples there stand out from their "
+                f"neighbours {spot.loud:.2g} times as far as elsewhere, in nearly all of {spot.passages} passages "
+                f"through all files: a dead spot of the sensor? {len(rows)} of {len(log)} rows"
+            )
+            advice = (
+                "These are left out; potentiometers and magnetic encoders have such spots. If it is the machine, which "
+                f"is caught or struck there, `blind = {{ {key(spot.channel)} = [] }}` takes them; else "
+                f"`blind = {{ {key(spot.channel)} = [[{start:.4g}, {end:.4g}]] }}` keeps it to these numbers."
+            )
+        runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+        spans = tuple(_time_of(log, int(run[0]), int(run[-1])) for run in runs[:SHOWN_SPANS])
+        found.append(Finding(kind="blind", level="masked", channel=spot.channel, text=text, advice=advice, spans=spans))
+    return found
 
 
 def _lone(channel: str, count: int, largest: float, where: str, spans: tuple[tuple[float, float], ...] = ()) -> Finding:

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 
+from ._blind import BlindSpot
 from ._limits import LARGEST_NUMBER
 from ._logs import Impossible, Log
 from ._signals import longest_step
@@ -25,6 +26,7 @@ class Mask:
         missing: Number of rows left out because a number is missing.
         impossible: Numbers too large for any machine, whose rows are left out.
         spikes: Samples that stand out alone, whose rows are left out.
+        blind: Dead spots of sensors, and the rows in each, which are left out.
         gaps: Start and end of each gap [s].
     """
 
@@ -33,6 +35,7 @@ class Mask:
     missing: int
     impossible: tuple[Impossible, ...]
     spikes: tuple[Spikes, ...]
+    blind: tuple[tuple[BlindSpot, np.ndarray], ...]
     gaps: tuple[tuple[float, float], ...]
 
     def describe(self, name: str) -> str:
@@ -53,6 +56,10 @@ class Mask:
             what.append(f"{rows} with a number beyond {LARGEST_NUMBER:g} in {columns}")
         if spikes := len(rows_of(self.spikes)):
             what.append(f"{spikes} row{'s' if spikes > 1 else ''} with samples that stand out alone")
+        for spot, rows in self.blind:
+            start, end = spot.interval
+            which = f"{len(rows)} row{'s' if len(rows) > 1 else ''}"
+            what.append(f"{which} in which `{spot.channel}` is between {start:.4g} and {end:.4g}")
         if self.gaps:
             start, end = max(self.gaps, key=lambda gap: gap[1] - gap[0])
             count = f"{len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''} in time"
@@ -62,17 +69,25 @@ class Mask:
         return ", ".join(what)
 
 
-def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, delay: float) -> Mask:
+def mask(
+    log: Log,
+    spikes: Sequence[Spikes] = (),
+    blind: Sequence[tuple[BlindSpot, np.ndarray]] = (),
+    *,
+    resample: float | None,
+    delay: float,
+) -> Mask:
     """Choose the rows of a log that are used.
 
-    Rows that lack a number, or have a sample that stands out alone, are left out. Where the time stamps of the others
-    are then further apart than 5 usual steps (those that 95 % of the steps keep to) and than 2 steps of the grid to
-    resample to, nothing is known in between, and the log is split. Pieces of less than 25 samples, counted after
-    resampling and delay, are dropped.
+    Rows that lack a number, have a sample that stands out alone, or lie in a sensor's dead spot, are left out. Where
+    the time stamps of the others are then further apart than 5 usual steps (those that 95 % of the steps keep to) and
+    than 2 steps of the grid to resample to, nothing is known in between, and the log is split. Pieces of less than 25
+    samples, counted after resampling and delay, are dropped.
 
     Args:
         log: Log whose time stamps increase where they are known.
         spikes: Samples that stand out alone.
+        blind: Dead spots of sensors, and the rows in each.
         resample: Step of the grid that its recordings are brought to [s].
         delay: Longest delay of an input [s]; each piece loses as much.
 
@@ -81,8 +96,8 @@ def mask(log: Log, spikes: Sequence[Spikes] = (), *, resample: float | None, del
     """
     rows = np.flatnonzero(log.complete)
     missing = len(log) - len(np.union1d(rows, rows_of(log.impossible)))
-    chosen = partial(Mask, missing=missing, impossible=log.impossible, spikes=tuple(spikes))
-    rows = np.setdiff1d(rows, rows_of(spikes), assume_unique=True)
+    chosen = partial(Mask, missing=missing, impossible=log.impossible, spikes=tuple(spikes), blind=tuple(blind))
+    rows = np.setdiff1d(rows, np.concatenate([rows_of(spikes), *(each for _, each in blind)]))
     if len(rows) < 2:
         return chosen(pieces=(rows,), dropped=(), gaps=())
     ts = log.ts[rows]

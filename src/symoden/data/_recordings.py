@@ -5,12 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ._blind import BlindSpot, rows_in_spots
 from ._delay import delay_inputs
 from ._description import Description
 from ._errors import DataError
 from ._logs import Log
 from ._masking import Mask, mask
-from ._resample import resample
+from ._resample import held_mean, resample
 from ._spans import choose_spans
 from ._spikes import find_spikes
 from ._split import segments
@@ -18,13 +19,14 @@ from ._trajectory import Trajectory, refuse_times_out_of_order
 from ._velocities import estimate_velocities, velocity_noise_gain
 
 
-def rows_to_use(log: Log, description: Description, is_angle: np.ndarray) -> Mask:
+def rows_to_use(log: Log, description: Description, is_angle: np.ndarray, spots: Sequence[BlindSpot] = ()) -> Mask:
     """Choose the rows of a log that recordings are made of.
 
     Args:
         log: What was logged.
         description: What it means and what to do with it.
         is_angle: Whether each coordinate is an angle.
+        spots: Dead spots of its sensors.
 
     Returns:
         The choice, and what was left out.
@@ -33,7 +35,13 @@ def rows_to_use(log: Log, description: Description, is_angle: np.ndarray) -> Mas
         DataError: If the time stamps do not increase, or too little is left.
     """
     refuse_times_out_of_order(log.ts, log.time_column, place=log.place)
-    chosen = mask(log, find_spikes(log, is_angle), resample=description.resample, delay=max(description.input_delay))
+    chosen = mask(
+        log,
+        find_spikes(log, is_angle),
+        rows_in_spots(log, spots, is_angle),
+        resample=description.resample,
+        delay=max(description.input_delay),
+    )
     if len(chosen.pieces[0]) < 2:
         raise DataError(
             f"`{log.path}`: a recording must have at least 2 rows without a missing number; got "
@@ -83,7 +91,7 @@ def _trajectory(
         ts=ts,
         q=q,
         rates=rates,
-        us=log.us[rows],
+        us=_inputs(log, rows) if description.hold == "zero" else log.us[rows],
         initial_samples=description.initial_samples,
         noise_gain=gain,
     )
@@ -91,6 +99,19 @@ def _trajectory(
     if description.resample is not None:
         trajectory = resample(trajectory, description.resample, hold=description.hold)
     return trajectory
+
+
+def _inputs(log: Log, rows: np.ndarray) -> np.ndarray:
+    """Held inputs of a piece: where rows were left out after one, their mean up to the next one, as far as known."""
+    us = log.us[rows]
+    before = np.flatnonzero(np.diff(rows) > 1)
+    if len(before):
+        span = np.arange(rows[0], rows[-1] + 1)
+        ts = log.ts[span]
+        known = np.isfinite(ts) & np.isfinite(log.us[span]).all(axis=1)
+        at, widths = log.ts[rows[before]], np.diff(log.ts[rows])[before]
+        us[before] = held_mean(ts[known], log.us[span][known], at, widths[:, None])
+    return us
 
 
 def _spans(log: Log, pieces: Sequence[np.ndarray], is_angle: np.ndarray) -> np.ndarray:

@@ -69,7 +69,7 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     if len(rows) < 3 * len(_OFFSETS):
         return ()
     ts, q = log.ts[rows], log.q[rows]
-    q[:, is_angle] = _unwrapped(q[:, is_angle])
+    q[:, is_angle] = unwrapped(q[:, is_angle])
     slopes = np.diff(q, axis=0) / np.diff(ts)[:, None]
     signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
     found = []
@@ -97,15 +97,18 @@ def lone_samples(ts: Times, signal: Float[np.ndarray, " T"], role: str) -> tuple
     steps = np.diff(ts)
     gaps = np.flatnonzero(steps > longest_step(steps))
     near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
-    off, weights = _deviations(ts, signal)
+    off, weights = deviations(ts, signal)
     alone = _spikes(signal, off, weights, coarsest=_COARSEST[role])
     return alone[~near_gap[alone]], off
 
 
-def _unwrapped(q: Signals) -> Signals:
+def unwrapped(q: Signals) -> Signals:
     """Angles without jumps by a turn.
 
     Those of several turns are not wrapped to one, and may be degrees taken for rad: their jumps are of 360.
+
+    Args:
+        q: One column per angle.
 
     Returns:
         The angles.
@@ -126,8 +129,12 @@ def _confirmed(rates: np.ndarray, off: np.ndarray, slopes: np.ndarray, alone: np
     return np.any(np.abs(beside - rates[alone]) < _SAME * np.abs(off[alone]), axis=0)
 
 
-def _deviations(ts: Times, signal: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.ndarray]:
+def deviations(ts: Times, signal: Float[np.ndarray, " T"]) -> tuple[np.ndarray, np.ndarray]:
     """Deviation of each sample from the cubic through two neighbours on each side, and the cubics' weights.
+
+    Args:
+        ts: Increasing time stamps [s], at least five.
+        signal: Samples.
 
     Returns:
         Deviations (T,), zero at the ends; weights (T, 4) of the neighbours.

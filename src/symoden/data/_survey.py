@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ._blind import BlindSpot, blind_spots
 from ._description import Description
 from ._errors import DataError
 from ._examine import Examination, examine
@@ -49,20 +50,21 @@ def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey
         DataError: If a file cannot be read, lacks a column, or one part has rows of another one.
     """
     logs = tuple(on_one_clock(log, is_angle, description.hold) for log in read_logs(path, description))
-    rows = [_rows(log, description, is_angle) for log in logs]
+    spots = blind_spots(logs, is_angle, description.blind)
+    rows = [_rows(log, description, is_angle, spots) for log in logs]
     examinations = [
         examine(log, description, is_angle, chosen.spikes if isinstance(chosen, Mask) else ())
         for log, chosen in zip(logs, rows, strict=True)
     ]
     used, examined, replaced = replace_late(logs, examinations, description)
     if replaced:  # What velocities lacked is lacking no more.
-        rows = [_rows(log, description, is_angle) for log in used]
+        rows = [_rows(log, description, is_angle, spots) for log in used]
     return Survey(logs, used, rows, examined, replaced)
 
 
-def _rows(log: Log, description: Description, is_angle: np.ndarray) -> Mask | DataError:
+def _rows(log: Log, description: Description, is_angle: np.ndarray, spots: tuple[BlindSpot, ...]) -> Mask | DataError:
     """Which rows of a log are used, or why none are: it may do without its velocities."""
     try:
-        return rows_to_use(log, description, is_angle)
+        return rows_to_use(log, description, is_angle, spots)
     except DataError as error:
         return error

@@ -110,12 +110,19 @@ def entry(columns: Mapping[str, str | float], given: Mapping[str, float]) -> str
     """
     units = {name: unit if name not in given else given[name] * factor_of(unit) for name, unit in columns.items()}
     values = {name: f'"{unit}"' if isinstance(unit, str) else f"{unit:.6g}" for name, unit in units.items()}
-    keys = ", ".join(f"{_key(name)} = {value}" for name, value in values.items())
+    keys = ", ".join(f"{key(name)} = {value}" for name, value in values.items())
     return f"`{keys}` into `units`" if given else f"`units = {{{keys}}}` into the description"
 
 
-def _key(name: str) -> str:
-    """The name as a key of TOML."""
+def key(name: str) -> str:
+    """The name as a key of TOML.
+
+    Args:
+        name: Name of a column.
+
+    Returns:
+        It, in quotes where TOML wants them.
+    """
     return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else f'"{name}"'
 
 
