@@ -12,6 +12,10 @@ Example:
 import importlib
 from typing import Final
 
+from ._jaxlib import avoid_faults
+
+avoid_faults()
+
 _EXPORTS: Final[dict[str, str]] = {
     "Acrobot": "symoden.systems",
     "CartPole": "symoden.systems",

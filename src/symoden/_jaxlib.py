@@ -1,0 +1,24 @@
+"""What must be said to faulty versions of jaxlib before they start."""
+
+import os
+from importlib.metadata import PackageNotFoundError, version
+from typing import Final
+
+_FAULTY: Final = ("0.10.2", "0.11.0")
+_FUSIONS: Final = "xla_cpu_experimental_ynn_fusion_type"
+
+
+def avoid_faults() -> None:
+    """Keep reductions from a library that ends the process on some processors.
+
+    These versions hand sums of single-precision arrays of many axes to YNNPACK, which reads beyond its arrays where one
+    axis has a single entry (jax-ml/jax#39257, #40412): Jacobians of robots do. What the user says of it holds. JAX
+    reads the variable when it first computes; other versions may not know the flag, which would end the process.
+    """
+    flags = os.environ.get("XLA_FLAGS", "")
+    try:
+        faulty = version("jaxlib") in _FAULTY
+    except PackageNotFoundError:
+        return
+    if faulty and _FUSIONS not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} --{_FUSIONS}=-reduce".strip()
