@@ -1,6 +1,7 @@
 """The weak form of the equations of motion: true of true motions, and where training begins."""
 
 import dataclasses
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -187,7 +188,7 @@ def hovering(*, noise, count=4, samples=800, step=0.01):
 
 def test_a_mass_so_large_that_no_input_matters_is_not_where_it_ends():
     config = TrainingConfig(adam_steps=200, growth_steps=0, relevance_steps=20)
-    model = fit(hovering(noise=0.002), model=ModelConfig(knees=()), config=config).model
+    model: Any = fit(hovering(noise=0.002), model=ModelConfig(knees=()), config=config).model
     q = jnp.array([0.1])
     assert float(model.mass_matrix(q)[0, 0]) == pytest.approx(0.8, rel=0.1)
     assert float(jax.grad(lambda q: model.hamiltonian(q, jnp.zeros(1)))(q)[0]) == pytest.approx(0.8 * 9.81, rel=0.02)
