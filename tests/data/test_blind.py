@@ -85,6 +85,26 @@ def test_a_stop_is_none(seed, stop, back):
     assert spots(np.where(q > stop, stop - back * (q - stop), q)) == ()
 
 
+@pytest.mark.parametrize("counts", [100, 256, 1024, 4096])
+@pytest.mark.parametrize("step", [0.002, 0.01])
+def test_a_coarse_encoder_has_none(counts, step):
+    ts, count = step * np.arange(8000), TURN / counts
+    assert spots(wrapped(np.round((1.5 * np.sin(3 * ts) + 0.2 * np.sin(0.7 * ts)) / count) * count), ts) == ()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4])
+def test_backlash_and_pauses_at_one_place_are_none(noise):
+    ts = 0.002 * np.arange(16_000)
+    noisy = noise * np.random.default_rng(0).normal(size=len(ts))
+    drive = 1.2 * np.sin(3 * ts) + 0.3 * np.sin(1.1 * ts)
+    driven = np.zeros(len(ts))
+    for k in range(1, len(ts)):
+        driven[k] = np.clip(driven[k - 1], drive[k] - 0.03, drive[k] + 0.03)
+    assert spots(driven + noisy, ts) == ()
+    pulses = np.where(ts % 4 < 2, 0.5, 0.5 + np.sin(3 * (ts % 4 - 2)) ** 2)
+    assert spots(pulses + noisy, ts) == ()
+
+
 @given(seed=st.integers(0, 200))
 def test_one_fast_stretch_with_a_clock_that_stumbles_is_none(seed):
     generator = np.random.default_rng(seed)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from ._kinematics import TURN
 from ._logs import Log
 from ._signals import longest_step
-from ._spikes import deviations, unwrapped
+from ._spikes import COARSEST, counts, deviations, unwrapped
 from ._units import of_column
 
 Interval = tuple[float, float]
@@ -25,6 +25,8 @@ _REACH, _BEYOND = 5, 2
 _WIDEST: Final = 10  # Sectors.
 _ALIKE: Final = 0.2  # Share of the samples that tell what is usual at a speed,
 _ENOUGH: Final = 51  # and the fewest of them.
+_MOST: Final = 2**18  # Samples that are looked at; the beginnings of long logs.
+_LEVELS: Final = 33  # Speeds at which that is told.
 _QUIET: Final = 0.25
 _NORMAL: Final = 0.3186  # That quantile of the absolute value of a standard normal variable.
 
@@ -151,7 +153,8 @@ def rows_in_spots(
 
 def _search(name: str, logs: Sequence[Log], i: int, *, is_angle: bool) -> Iterator[BlindSpot]:
     """Find the spots of one column."""
-    paths = [(log.ts[rows], log.q[rows, i]) for log in logs if len(rows := _ordered(log)) >= _ENOUGH]
+    most = max(_ENOUGH, _MOST // len(logs))
+    paths = [(log.ts[rows], log.q[rows, i]) for log in logs if len(rows := _ordered(log)[:most]) >= _ENOUGH]
     if not paths:
         return
     ends = np.concatenate([q for _, q in paths])
@@ -182,8 +185,6 @@ def _columns(
     paths: Sequence[tuple[np.ndarray, np.ndarray]], low: float, width: float, *, is_angle: bool
 ) -> list[_Column]:
     """How far the samples of every log stand out; what is usual at a speed is told by all together."""
-    from scipy.ndimage import percentile_filter  # slow to import
-
     places, off, steps, speeds = [], [], [], []
     for ts, q in paths:
         smooth = unwrapped(q[:, None])[:, 0] if is_angle else q
@@ -204,15 +205,27 @@ def _columns(
     joined, step = np.concatenate(off), np.concatenate(steps)
     there = np.flatnonzero(np.isfinite(joined))
     order = there[np.argsort(np.concatenate(speeds)[there], kind="stable")]
-    # A time stamp that is off matters the more, the faster the motion. Most that is so fast may be in the spot.
-    size = max(_ENOUGH, int(_ALIKE * len(order)))
-    usual = percentile_filter(joined[order], 100 * _QUIET, size=size, mode="nearest") / _NORMAL
+    rounded = max(counts(q, COARSEST["positions"]) for _, q in paths) / 2
     loud, coarse = np.full((2, len(joined)), np.nan)
     tiny = np.finfo(float).tiny
-    loud[order] = joined[order] / np.maximum(usual, tiny)
+    loud[order] = joined[order] / np.maximum(_usual(joined[order]), max(rounded, tiny))
     coarse[order] = joined[order] / np.maximum(step[order], tiny)
     parts = zip(places, np.split(loud, ends), np.split(coarse, ends), strict=True)
     return [_Column(places=p, loud=x, coarse=y) for p, x, y in parts]
+
+
+def _usual(off: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+    """How far samples that are as fast stand out, in the order of their speeds.
+
+    A time stamp that is off matters the more, the faster the motion. Most that is so fast may lie in the spot.
+
+    Returns:
+        A standard deviation for each.
+    """
+    size = min(len(off), max(_ENOUGH, int(_ALIKE * len(off))))
+    starts = np.linspace(0, len(off) - size, _LEVELS).astype(int)
+    levels = [np.quantile(off[start : start + size], _QUIET) / _NORMAL for start in starts]
+    return np.interp(np.arange(len(off)), starts + size / 2, levels)
 
 
 def _look(columns: Sequence[_Column], first: int, *, is_angle: bool) -> tuple[float, float, int]:

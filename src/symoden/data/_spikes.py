@@ -16,7 +16,8 @@ _OFFSETS: Final = (-2, -1, 1, 2)  # Neighbours of which a cubic predicts a sampl
 _LOUD: Final = 8.0  # Standard deviations of what cubics leave, beyond which a sample stands out.
 _ROUNDED: Final = 3.0  # Times the most that rounding makes of it, likewise.
 _SEEN: Final = 0.01  # Share of the signal's range: what is smaller does no harm.
-_COARSEST: Final = {"positions": 0.02, "rates": 0.2}  # Counts in SI or rad; no sensor's is larger.
+COARSEST: Final = {"positions": 0.02, "rates": 0.2}
+"""Largest step of rounding that a sensor may have, in SI or rad, by role."""
 _LIKE, _NOISE = 0.12, 2.0  # Of the deviation, and standard deviations, by which neighbours may differ from a spike's.
 _AROUND: Final = 101  # Samples.
 _SEVERAL: Final = 2 * TURN  # [rad]
@@ -98,7 +99,7 @@ def lone_samples(ts: Times, signal: Float[np.ndarray, " T"], role: str) -> tuple
     gaps = np.flatnonzero(steps > longest_step(steps))
     near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
     off, weights = deviations(ts, signal)
-    alone = _spikes(signal, off, weights, coarsest=_COARSEST[role])
+    alone = _spikes(signal, off, weights, coarsest=COARSEST[role])
     return alone[~near_gap[alone]], off
 
 
@@ -169,7 +170,7 @@ def _spikes(signal: np.ndarray, off: np.ndarray, weights: np.ndarray, *, coarses
     around = percentile_filter(size, 100 * _QUANTILE, size=min(_AROUND, len(off)), mode="nearest")
     level = gain * np.maximum(around, np.quantile(size, _QUANTILE)) / _NORMAL
     low, high = np.quantile(signal, (0.01, 0.99))
-    rounding = _counts(signal, coarsest) / 2 * (1 + np.sum(np.abs(weights), axis=1))
+    rounding = counts(signal, coarsest) / 2 * (1 + np.sum(np.abs(weights), axis=1))
     usual = np.maximum(_LOUD * level, _ROUNDED * rounding)
     loud = np.flatnonzero(np.abs(off) > np.maximum(usual, _SEEN * (high - low)))
     loud = loud[(loud >= 4) & (loud < len(signal) - 4)]
@@ -181,7 +182,15 @@ def _spikes(signal: np.ndarray, off: np.ndarray, weights: np.ndarray, *, coarses
     return loud[alone]
 
 
-def _counts(signal: np.ndarray, coarsest: float) -> float:
-    """Step of rounding, also of a sensor at rest that flickers by one now and then, too seldom for `quantum`."""
+def counts(signal: np.ndarray, coarsest: float) -> float:
+    """Step of rounding, also of a sensor at rest that flickers by one now and then, too seldom for `quantum`.
+
+    Args:
+        signal: Consecutive samples.
+        coarsest: What no step of a sensor is beyond, see `COARSEST`.
+
+    Returns:
+        The step; 0 where there is none.
+    """
     least = least_change(signal)
     return max(quantum(signal), least if least <= coarsest else 0.0)
