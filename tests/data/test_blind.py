@@ -89,7 +89,7 @@ def test_a_stop_is_none(seed, stop, back):
 @pytest.mark.parametrize("step", [0.002, 0.01])
 def test_a_coarse_encoder_has_none(counts, step):
     ts, count = step * np.arange(8000), TURN / counts
-    assert spots(wrapped(np.round((1.5 * np.sin(3 * ts) + 0.2 * np.sin(0.7 * ts)) / count) * count), ts) == ()
+    assert spots(wrapped(np.round((2.5 * np.sin(3 * ts) + 0.2 * np.sin(0.7 * ts)) / count) * count), ts) == ()
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-4])
@@ -100,9 +100,9 @@ def test_backlash_and_pauses_at_one_place_are_none(noise):
     driven = np.zeros(len(ts))
     for k in range(1, len(ts)):
         driven[k] = np.clip(driven[k - 1], drive[k] - 0.03, drive[k] + 0.03)
-    assert spots(driven + noisy, ts) == ()
+    assert spots(driven + noisy, ts, is_angle=False) == ()
     pulses = np.where(ts % 4 < 2, 0.5, 0.5 + np.sin(3 * (ts % 4 - 2)) ** 2)
-    assert spots(pulses + noisy, ts) == ()
+    assert spots(pulses + noisy, ts, is_angle=False) == ()
 
 
 @given(seed=st.integers(0, 200))
@@ -127,6 +127,25 @@ def test_an_interval_past_half_a_turn_covers_both_ends_of_the_circle():
     spot = BlindSpot(channel="q", interval=(3.0, 3.5))
     assert spot.covers(np.array([2.9, 3.1, -3.1, -2.7, 3.1 + TURN]), is_angle=True).tolist() == [0, 1, 1, 0, 1]
     assert spot.covers(np.array([2.9, 3.1, -3.1]), is_angle=False).tolist() == [0, 1, 0]
+
+
+def test_a_glitch_is_no_end_of_a_length_and_a_sensor_in_its_spot_is_not_stuck(tmp_path):
+    _, q = swing(3)
+    q = np.where((q > 0.5) & (q < 0.8), 0.5, q)
+    q[700] = 60.0
+    assert len(spots(q, is_angle=False)) == 1
+    ts, q = swing(1)
+    q[500:600] = 0.6
+    rows = np.stack([ts, wrapped(deadened(q, 0.5, 0.3)), np.gradient(q, ts), np.sin(ts)], axis=1)
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,q,v,u", comments="")
+    (tmp_path / "pot.toml").write_text(
+        'space = "T1"\ntime = "t"\npositions = ["q"]\nvelocities = ["v"]\ninputs = ["u"]\n'
+        '[train]\nfiles = ["run.csv"]\n'
+    )
+    (check,) = check_dataset(tmp_path / "pot.toml").recordings
+    kinds = {each.kind for each in check.findings}
+    assert "blind" in kinds
+    assert "stuck" not in kinds
 
 
 def test_too_little_says_nothing():
@@ -184,6 +203,7 @@ def test_a_description_may_take_them_or_name_others(tmp_path):
         ("blind = { q = [0.4, 0.9] }", "lists of intervals"),
         ("blind = { q = [[0.9, 0.4]] }", "from less to more"),
         ("blind = { q = [[0.4, nan]] }", "lists of intervals"),
+        ("blind = { q = [[50, 480]] }", "must be shorter than a turn"),
         ("blind = { u = [[0.4, 0.9]] }", "`blind` must name columns that are read, which are `q`; got `u`"),
     ],
 )

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ._errors import DataError
 from ._kinematics import TURN
 from ._logs import Log
 from ._signals import longest_step
@@ -23,6 +24,7 @@ _COARSE: Final = 0.05  # Of the largest step beside it: less is what a cubic mak
 # Samples and sectors to come from and go on for: nearer than that, a stop shakes what is before it.
 _REACH, _BEYOND = 5, 2
 _WIDEST: Final = 10  # Sectors.
+_ENDS: Final = (0.001, 0.999)  # Quantiles.
 _ALIKE: Final = 0.2  # Share of the samples that tell what is usual at a speed,
 _ENOUGH: Final = 51  # and the fewest of them.
 _MOST: Final = 2**18  # Samples that are looked at; the beginnings of long logs.
@@ -38,8 +40,8 @@ class BlindSpot:
     Attributes:
         channel: Name of the column.
         interval: From where to where, in SI or rad; of an angle, as far as the second number counted upwards.
-        loud: How far samples in it stand out from their neighbours, relative to samples elsewhere; None where the
-            description says so.
+        loud: How far the sample that stands out most does in three of four passages, relative to passages elsewhere;
+            None where the description names the spot.
         passages: Number of times that the motion enters it; 0 likewise.
     """
 
@@ -79,7 +81,7 @@ class _Column:
     coarse: Float[np.ndarray, " T"]
 
     def passages(self, first: int, *, is_angle: bool) -> Float[np.ndarray, "k 3"]:
-        """Largest of both numbers in each passage through two sectors, and whether it goes on to their other side."""
+        """Largest `loud` and `coarse` of each passage through two sectors, and whether it goes on to their other side."""
         side = self.places - first
         side = np.mod(side + _SECTORS // 2, _SECTORS) - _SECTORS // 2 if is_angle else side
         inside = (side == 0) | (side == 1)
@@ -119,10 +121,18 @@ def blind_spots(
 
     Returns:
         The spots of every column.
+
+    Raises:
+        DataError: If a described interval of an angle is a turn or more.
     """
     found: list[BlindSpot] = []
     for i, name in enumerate(logs[0].names["positions"]):
         told = of_column(name, described)
+        if told is not None and is_angle[i] and any(stop - start >= TURN for start, stop in told):
+            raise DataError(
+                f"`blind` of `{name}` must be shorter than a turn, in rad after `units` and `zeros`; got {told[0]}. "
+                "Write degrees as rad."
+            )
         if told is None:
             found.extend(_search(name, logs, i, is_angle=bool(is_angle[i])))
         else:
@@ -158,7 +168,8 @@ def _search(name: str, logs: Sequence[Log], i: int, *, is_angle: bool) -> Iterat
     if not paths:
         return
     ends = np.concatenate([q for _, q in paths])
-    low, width = (-np.pi, TURN / _SECTORS) if is_angle else (ends.min(), np.ptp(ends) / _SECTORS)
+    least, most = np.quantile(ends, _ENDS)  # A glitch is no end of the range.
+    low, width = (-np.pi, TURN / _SECTORS) if is_angle else (least, (most - least) / _SECTORS)
     if not width:
         return
     columns = _columns(paths, low, width, is_angle=is_angle)
@@ -189,7 +200,7 @@ def _columns(
     for ts, q in paths:
         smooth = unwrapped(q[:, None])[:, 0] if is_angle else q
         place = np.floor((np.mod(q - low, TURN) if is_angle else q - low) / width).astype(int)
-        places.append(np.minimum(place, _SECTORS - 1))
+        places.append(np.clip(place, 0, _SECTORS - 1))
         found, weights = deviations(ts, smooth)
         found = np.abs(found) / np.sqrt(1 + np.sum(weights**2, axis=1))
         beside = np.lib.stride_tricks.sliding_window_view(np.diff(ts), 4).max(axis=1)

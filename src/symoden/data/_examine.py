@@ -12,7 +12,6 @@ from ._facts import ChannelFacts, Facts, measure
 from ._findings import Finding
 from ._logs import Log
 from ._mismatch import find_mismatches
-from ._spikes import Spikes
 from ._stuck import find_stuck
 
 _SAME = 0.03
@@ -41,19 +40,19 @@ class Examination:
     slopes: tuple[SlopeComparison, ...] = ()
 
 
-def examine(log: Log, description: Description, is_angle: np.ndarray, spikes: Sequence[Spikes] = ()) -> Examination:
+def examine(log: Log, description: Description, is_angle: np.ndarray, left_out: np.ndarray) -> Examination:
     """Look at the complete rows of a log.
 
     Args:
         log: What was logged.
         description: What it means.
         is_angle: Whether each coordinate is an angle.
-        spikes: Samples that stand out alone, whose rows are left out.
+        left_out: Complete rows that are not used: samples that stand out alone, dead spots.
 
     Returns:
         What was found.
     """
-    facts = measure(log, description, is_angle, spikes)
+    facts = measure(log, description, is_angle, left_out)
     if facts is None:
         return Examination(facts=None)
     if stands_still(facts.channels):

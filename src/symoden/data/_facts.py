@@ -1,7 +1,7 @@
 """Facts of every channel of one log."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -11,7 +11,6 @@ from ._description import Description
 from ._kinematics import Accuracy, Ratio, blocks, velocity_ratio
 from ._logs import Log
 from ._signals import longest_step, noise_level, quantum, share_cut_off
-from ._spikes import Spikes, rows_of
 
 Role: TypeAlias = Literal["position", "velocity", "momentum", "input"]
 _LEAST_ROWS: Final = 10
@@ -95,19 +94,19 @@ class Facts:
         return self.positions + self.rates + self.inputs
 
 
-def measure(log: Log, description: Description, is_angle: np.ndarray, spikes: Sequence[Spikes] = ()) -> Facts | None:
+def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: np.ndarray) -> Facts | None:
     """Measure every channel of a log, apart from rows that are left out.
 
     Args:
         log: What was logged.
         description: What it means.
         is_angle: Whether each coordinate is an angle.
-        spikes: Samples that stand out alone, whose rows are left out.
+        left_out: Complete rows that are not used: samples that stand out alone, dead spots.
 
     Returns:
         The facts; None where less than 10 rows are left.
     """
-    rows = np.setdiff1d(np.flatnonzero(log.complete), rows_of(spikes))
+    rows = np.setdiff1d(np.flatnonzero(log.complete), left_out)
     rows = rows[np.unique(log.ts[rows], return_index=True)[1]]
     if len(rows) < _LEAST_ROWS:
         return None

@@ -206,13 +206,13 @@ def _blind(log: Log, mask: Mask) -> list[Finding]:
         else:
             text = (
                 f"`{spot.channel}` does not follow the motion {where}: its samples there stand out from their "
-                f"neighbours {spot.loud:.2g} times as far as elsewhere, in nearly all of {spot.passages} passages "
+                f"neighbours {spot.loud:.2g} times as far as elsewhere, in three of four of {spot.passages} passages "
                 f"through all files: a dead spot of the sensor? {len(rows)} of {len(log)} rows"
             )
             advice = (
                 "These are left out; potentiometers and magnetic encoders have such spots. If it is the machine, which "
                 f"is caught or struck there, `blind = {{ {key(spot.channel)} = [] }}` takes them; else "
-                f"`blind = {{ {key(spot.channel)} = [[{start:.4g}, {end:.4g}]] }}` keeps it to these numbers."
+                f"`blind = {{ {key(spot.channel)} = [[{start:.6g}, {end:.6g}]] }}` keeps it to these numbers."
             )
         runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
         spans = tuple(_time_of(log, int(run[0]), int(run[-1])) for run in runs[:SHOWN_SPANS])

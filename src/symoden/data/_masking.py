@@ -38,6 +38,11 @@ class Mask:
     blind: tuple[tuple[BlindSpot, np.ndarray], ...]
     gaps: tuple[tuple[float, float], ...]
 
+    @property
+    def left_out(self) -> np.ndarray:
+        """Complete rows that are not used, where they are not in a gap."""
+        return np.union1d(rows_of(self.spikes), np.concatenate([np.zeros(0, int), *(rows for _, rows in self.blind)]))
+
     def describe(self, name: str) -> str:
         """Say what was masked, or nothing.
 

@@ -108,9 +108,10 @@ def _inputs(log: Log, rows: np.ndarray) -> np.ndarray:
     if len(before):
         span = np.arange(rows[0], rows[-1] + 1)
         ts = log.ts[span]
-        known = np.isfinite(ts) & np.isfinite(log.us[span]).all(axis=1)
-        at, widths = log.ts[rows[before]], np.diff(log.ts[rows])[before]
-        us[before] = held_mean(ts[known], log.us[span][known], at, widths[:, None])
+        at, widths = log.ts[rows[before]], np.diff(log.ts[rows])[before, None]
+        for j, u in enumerate(log.us[span].T):
+            known = np.isfinite(ts) & np.isfinite(u)
+            us[before, j] = held_mean(ts[known], u[known, None], at, widths)[:, 0]
     return us
 
 

@@ -53,7 +53,7 @@ def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey
     spots = blind_spots(logs, is_angle, description.blind)
     rows = [_rows(log, description, is_angle, spots) for log in logs]
     examinations = [
-        examine(log, description, is_angle, chosen.spikes if isinstance(chosen, Mask) else ())
+        examine(log, description, is_angle, chosen.left_out if isinstance(chosen, Mask) else np.arange(0))
         for log, chosen in zip(logs, rows, strict=True)
     ]
     used, examined, replaced = replace_late(logs, examinations, description)

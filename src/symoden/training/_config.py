@@ -34,7 +34,7 @@ class TrainingConfig:
             learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
         regression_steps: Largest number of Levenberg-Marquardt's steps on the equations of motion in weak form, without
-            rollouts, before anything else; 0 leaves it out.
+            rollouts, before anything else; 0 leaves it out, as no steps on rollouts do.
         growth_steps: Further steps in which a learned g may depend on the configuration, as many in which dry and
             quadratic friction is free, and again with the priors that were learned and with the blocks' networks free;
             kept if validation gains by more than two standard errors, friction if by more than one. Networks stay
