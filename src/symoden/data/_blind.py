@@ -81,7 +81,7 @@ class _Column:
     coarse: Float[np.ndarray, " T"]
 
     def passages(self, first: int, *, is_angle: bool) -> Float[np.ndarray, "k 3"]:
-        """Largest `loud` and `coarse` of each passage through two sectors, and whether it goes on to their other side."""
+        """Largest `loud` and `coarse` of each passage through two sectors, and whether it goes on beyond them."""
         side = self.places - first
         side = np.mod(side + _SECTORS // 2, _SECTORS) - _SECTORS // 2 if is_angle else side
         inside = (side == 0) | (side == 1)
