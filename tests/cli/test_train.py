@@ -30,13 +30,7 @@ def tiny(name, *, task, kind):
     )
     lm_steps = 2 if kind == "dissipative" else 0
     return model, TrainingConfig(
-        adam_steps=20,
-        lm_steps=lm_steps,
-        lm_substeps=2,
-        regression_steps=0,
-        growth_steps=0,
-        relevance_steps=0,
-        batch_size=32,
+        adam_steps=20, lm_steps=lm_steps, lm_substeps=2, growth_steps=0, relevance_steps=0, batch_size=32
     )
 
 

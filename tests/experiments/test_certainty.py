@@ -21,9 +21,7 @@ CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(
     inverse_mass=CONSTANT, potential=BlockConfig(harmonics=True), actuation=CONSTANT, friction=CONSTANT, knees=()
 )
-STEPS = TrainingConfig(
-    adam_steps=100, restarts=1, lm_steps=12, regression_steps=0, growth_steps=0, relevance_steps=0, validation=0.2
-)
+STEPS = TrainingConfig(adam_steps=100, restarts=1, lm_steps=12, growth_steps=0, relevance_steps=0, validation=0.2)
 NOISE = 0.03
 
 

@@ -40,7 +40,6 @@ def quick():
         lm_horizon=5,
         lm_substeps=1,
         growth_steps=2,
-        regression_steps=0,
         relevance_steps=2,
     )
 

@@ -18,9 +18,7 @@ MODEL = ModelConfig(
     friction=BlockConfig(constant=True),
     knees=(),
 )
-CONFIG = TrainingConfig(
-    adam_steps=0, lm_steps=10, regression_steps=0, growth_steps=12, relevance_steps=0, lm_horizon=20, lm_substeps=2
-)
+CONFIG = TrainingConfig(adam_steps=0, lm_steps=10, growth_steps=12, relevance_steps=0, lm_horizon=20, lm_substeps=2)
 STEP, FINE, VISCOUS, NOISE = 0.02, 10, 0.1, 0.003
 
 

@@ -14,9 +14,7 @@ from symoden.training import TrainingConfig, fit
 from symoden.training._flatten import freed
 
 MODEL = ModelConfig(friction=BlockConfig(constant=True), knees=(0.1,))
-CONFIG = TrainingConfig(
-    adam_steps=0, lm_steps=10, regression_steps=0, growth_steps=12, relevance_steps=0, lm_horizon=20, lm_substeps=2
-)
+CONFIG = TrainingConfig(adam_steps=0, lm_steps=10, growth_steps=12, relevance_steps=0, lm_horizon=20, lm_substeps=2)
 DRY, VISCOUS, KNEE = 0.5, 0.2, 0.1
 STEP, FINE = 0.02, 20
 

@@ -20,14 +20,7 @@ CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=())
 HORIZON = 5
 STEPS = TrainingConfig(
-    validation=0.0,
-    adam_steps=0,
-    lm_steps=8,
-    lm_horizon=HORIZON,
-    lm_substeps=1,
-    regression_steps=0,
-    growth_steps=0,
-    relevance_steps=0,
+    validation=0.0, adam_steps=0, lm_steps=8, lm_horizon=HORIZON, lm_substeps=1, growth_steps=0, relevance_steps=0
 )
 NOISE = 0.02
 

@@ -72,9 +72,7 @@ def test_nine_samples_a_period_are_enough():
         Trajectory(name=f"{a}", ts=ts, q=a * np.sin(ts)[:, None], rates=a * np.cos(ts)[:, None], us=np.zeros((60, 0)))
         for a in (0.5, 1.0, 1.5, 2.0)
     ]
-    config = TrainingConfig(
-        adam_steps=200, restarts=1, lm_steps=12, regression_steps=0, growth_steps=0, relevance_steps=0
-    )
+    config = TrainingConfig(adam_steps=200, restarts=1, lm_steps=12, growth_steps=0, relevance_steps=0)
     result = fit(Dataset(name="spring", space="R1", train=tuple(swings)), config=config)
     assert result.loss < 1e-4
 
@@ -99,7 +97,7 @@ def test_a_recording_shorter_than_a_window_is_refused(pendulum, small, quick):
 
 
 def test_recordings_of_a_few_samples_train(pendulum, small):
-    config = TrainingConfig(adam_steps=5, lm_steps=2, regression_steps=0, growth_steps=0, validation=0.0)
+    config = TrainingConfig(adam_steps=5, lm_steps=2, growth_steps=0, validation=0.0)
     assert finite(fit(pendulum(samples=4, count=2), model=small, config=config).model)
 
 
@@ -194,8 +192,7 @@ def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they
 
     def names(most):
         monkeypatch.setattr(_line_up, "MOST_PARAMETERS", most)
-        every = [stage.name for stage in _prepare(pendulum(), small, quick)[0]]
-        return every[every.index("levenberg-marquardt") :]
+        return [stage.name for stage in _prepare(pendulum(), small, quick)[0]][3:]
 
     assert few < all_of_them
     assert names(all_of_them) == ["levenberg-marquardt", "relevance", "refit", "growth"]

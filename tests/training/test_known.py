@@ -24,14 +24,7 @@ MODEL = ModelConfig(
     inverse_mass=CONSTANT, potential=BlockConfig(hidden=(4,)), actuation=CONSTANT, friction=CONSTANT, knees=()
 )
 STEPS = TrainingConfig(
-    validation=0.0,
-    adam_steps=0,
-    lm_steps=8,
-    lm_horizon=7,
-    lm_substeps=4,
-    regression_steps=0,
-    growth_steps=0,
-    relevance_steps=0,
+    validation=0.0, adam_steps=0, lm_steps=8, lm_horizon=7, lm_substeps=4, growth_steps=0, relevance_steps=0
 )
 EXACT: dict[str, Any] = {
     "mass_matrix": [["J"]],

@@ -24,14 +24,7 @@ SYSTEM = Pendulum(damping=0.2)
 LOAD = float(SYSTEM.potential_energy(jnp.array([jnp.pi]))) / 2
 MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=())
 STEPS = TrainingConfig(
-    validation=0.0,
-    adam_steps=0,
-    lm_steps=6,
-    lm_horizon=8,
-    lm_substeps=2,
-    regression_steps=0,
-    growth_steps=0,
-    relevance_steps=0,
+    validation=0.0, adam_steps=0, lm_steps=6, lm_horizon=8, lm_substeps=2, growth_steps=0, relevance_steps=0
 )
 NOISE = 0.02
 

@@ -86,9 +86,7 @@ def test_noisy_training_goes_on_bit_for_bit_with_its_level(pendulum, small, tmp_
         for each in clean.train
     )
     dataset = dataclasses.replace(clean, train=noisy)
-    config = TrainingConfig(
-        adam_steps=100, restarts=1, lm_steps=3, regression_steps=0, growth_steps=2, relevance_steps=0, patience=9
-    )
+    config = TrainingConfig(adam_steps=100, restarts=1, lm_steps=3, growth_steps=2, relevance_steps=0, patience=9)
     seen = []
 
     def interrupted(progress):

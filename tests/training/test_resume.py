@@ -28,7 +28,7 @@ swing = Trajectory(name="swing", ts=ts, q=np.cos(ts)[:, None], rates=-np.sin(ts)
 plain = BlockConfig(constant=True)
 model = ModelConfig(inverse_mass=plain, potential=BlockConfig(hidden=(4,)), actuation=plain, friction=plain, knees=())
 config = TrainingConfig(validation=0.2, restarts=1, adam_steps=int(sys.argv[2]), batch_size=8, horizon=3, lm_steps=2,
-     regression_steps=0, lm_horizon=5, lm_substeps=1, growth_steps=0, relevance_steps=0)
+     lm_horizon=5, lm_substeps=1, growth_steps=0, relevance_steps=0)
 folder = Path(sys.argv[1])
 dataset = Dataset(name="spring", space="R1", train=(swing,))
 fit(dataset, model=model, config=config, folder=folder, resume=True)

@@ -15,7 +15,8 @@ class TrainingConfig:
         unroll: Write Adam's rollouts out instead of looping over steps: slower to compile, faster for networks of the
             paper's size over few steps.
         restarts: Number of initial weights that Adam starts from; the one with the least validation loss goes on.
-        adam_steps: Number of Adam's steps from each of them; none where a regression has found the basin.
+        adam_steps: Number of Adam's steps from each of them; none where a regression has found the basin, which comes
+            first on three coordinates and more.
         batch_size: Windows in one of Adam's steps.
         shuffle: Draw windows at random; otherwise take consecutive blocks in turn, as the paper does.
         learning_rate: Adam's first learning rate.
@@ -33,8 +34,6 @@ class TrainingConfig:
         prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance; where priors are
             learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
-        regression_steps: Largest number of Levenberg-Marquardt's steps on the equations of motion in weak form, without
-            rollouts, before anything else; 0 leaves it out, as no steps on rollouts do.
         growth_steps: Further steps in which a learned g may depend on the configuration, as many in which dry and
             quadratic friction is free, and again with the priors that were learned and with the blocks' networks free;
             kept if validation gains by more than two standard errors, friction if by more than one. Networks stay
@@ -66,7 +65,6 @@ class TrainingConfig:
     damping: float = 1e-4
     prior: float = 1.0
     patience: int = 4
-    regression_steps: int = 20
     growth_steps: int = 20
     relevance_steps: int = 60
 
@@ -84,7 +82,6 @@ class TrainingConfig:
             "lm_steps": 0,
             "lm_samples": 1,
             "patience": 1,
-            "regression_steps": 0,
             "growth_steps": 0,
             "relevance_steps": 0,
         }

@@ -44,7 +44,7 @@ def line_up(
     stages: list[AbstractStage] = []
     weak = regression_data(dataset, dynamics, config) if free and _regresses(dynamics, config) else None
     if weak is not None:
-        stages.append(LevenbergStage(weak, config, "regression", config.regression_steps))
+        stages.append(LevenbergStage(weak, config, "regression", config.lm_steps))
         stages.extend(_further(dynamics, weak, (), config, regression=True))
     if candidates and free:
         data, optimizer = adam_data(dataset, dynamics, config), adam_optimizer(config)
@@ -67,15 +67,8 @@ def line_up(
 
 
 def _regresses(dynamics: AbstractDynamics, config: TrainingConfig) -> bool:
-    """Whether a regression comes first: of energies and friction on velocities, where second-order steps follow.
-
-    Adam's short rollouts tell little where sensors are noisy: it ends with a mass so large that no input matters, where
-    the loss is flat (`benchmarks/`).
-
-    Returns:
-        Whether it does.
-    """
-    if not isinstance(dynamics, StructuredModel) or not min(config.lm_steps, config.regression_steps):
+    """Whether a regression comes first: on one or two coordinates Adam does as well, and as soon."""
+    if not isinstance(dynamics, StructuredModel) or dynamics.space.size < _MANY or not config.lm_steps:
         return False
     friction = jax.eval_shape(dynamics.dissipation_matrix, *jnp.zeros((2, dynamics.space.size)))
     return friction.shape[0] == dynamics.space.size  # Not the paper's, on the full state.
@@ -125,8 +118,7 @@ def _further(
     full.
 
     More than `MOST_PARAMETERS` are too many: networks and harmonics of g then stay closed, and priors as wide as they
-    are. In a regression networks stay closed too, and on one or two coordinates friction's laws: rollouts find these,
-    and tell them better.
+    are. In a regression networks stay closed too.
 
     Returns:
         The stages.
@@ -140,14 +132,13 @@ def _further(
     def fits(kinds: int) -> bool:
         return 0 < count(corrections=kinds) <= MOST_PARAMETERS
 
-    rubs = not regression or dynamics.space.size >= _MANY
-    judged = FRICTION if rubs and has(FRICTION) else 0
+    judged = FRICTION if has(FRICTION) else 0
     learns = learn > 0 and fits(judged)
     of = "regression: " if regression else ""
     asked = (
         ("actuation", ACTUATION, _CLEAR, has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)),
-        ("friction", FRICTION, _CHANCE, rubs and has(FRICTION)),
-        ("directions", FRICTION | DIRECTIONS, _CLEAR, rubs and has(DIRECTIONS)),
+        ("friction", FRICTION, _CHANCE, has(FRICTION)),
+        ("directions", FRICTION | DIRECTIONS, _CLEAR, has(DIRECTIONS)),
     )
     stages = [
         LevenbergStage(data, config, of + name, grow, kinds, margin=margin, frees=True)
