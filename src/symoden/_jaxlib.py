@@ -15,10 +15,21 @@ def avoid_faults() -> None:
     axis has a single entry (jax-ml/jax#39257, #40412): Jacobians of robots do. What the user says of it holds. JAX
     reads the variable when it first computes; other versions may not know the flag, which would end the process.
     """
-    flags = os.environ.get("XLA_FLAGS", "")
     try:
         faulty = version("jaxlib") in _FAULTY
     except PackageNotFoundError:
         return
-    if faulty and _FUSIONS not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} --{_FUSIONS}=-reduce".strip()
+    if faulty:
+        set_flag(_FUSIONS, "-reduce")
+
+
+def set_flag(name: str, value: str) -> None:
+    """Set a flag of XLA's in the environment, unless the user says something of it.
+
+    Args:
+        name: Name of the flag.
+        value: Its value.
+    """
+    flags = os.environ.get("XLA_FLAGS", "")
+    if name not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} --{name}={value}".strip()

@@ -8,6 +8,8 @@ from typing import Final
 
 import jax
 
+from symoden._jaxlib import set_flag
+
 _LEAST_SECONDS: Final = 0.5
 _EMITTERS: Final = (
     "xla_cpu_use_fusion_emitters"  # Off, programs compile in half the time and run as fast (`benchmarks/`).
@@ -17,9 +19,8 @@ _TRIED: Final = "0.10."  # Of jaxlib, which ends the process where it does not k
 
 def configure() -> None:
     """Compute in double precision, compile fast, and keep programs in the user's cache for the next command."""
-    flags = os.environ.get("XLA_FLAGS", "")
-    if _EMITTERS not in flags and version("jaxlib").startswith(_TRIED):
-        os.environ["XLA_FLAGS"] = f"{flags} --{_EMITTERS}=false".strip()
+    if version("jaxlib").startswith(_TRIED):
+        set_flag(_EMITTERS, "false")
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - JAX's signature
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -25,9 +25,9 @@ _COARSE: Final = 0.05  # Of the largest step beside it: less is what a cubic mak
 _REACH, _BEYOND = 5, 2
 _WIDEST: Final = 10  # Sectors.
 _ENDS: Final = (0.001, 0.999)  # Quantiles.
+_MOST: Final = 2**18  # Samples that are looked at; the beginnings of long logs.
 _ALIKE: Final = 0.2  # Share of the samples that tell what is usual at a speed,
 _ENOUGH: Final = 51  # and the fewest of them.
-_MOST: Final = 2**18  # Samples that are looked at; the beginnings of long logs.
 _LEVELS: Final = 33  # Speeds at which that is told.
 _QUIET: Final = 0.25
 _NORMAL: Final = 0.3186  # That quantile of the absolute value of a standard normal variable.
@@ -64,6 +64,13 @@ class BlindSpot:
         return (
             np.mod(positions - start, TURN) <= stop - start if is_angle else (positions >= start) & (positions <= stop)
         )
+
+
+class BlindRows(NamedTuple):
+    """Rows of a log that lie in a dead spot."""
+
+    spot: BlindSpot
+    rows: Int[np.ndarray, " k"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,21 +135,20 @@ def blind_spots(
     found: list[BlindSpot] = []
     for i, name in enumerate(logs[0].names["positions"]):
         told = of_column(name, described)
-        if told is not None and is_angle[i] and any(stop - start >= TURN for start, stop in told):
-            raise DataError(
-                f"`blind` of `{name}` must be shorter than a turn, in rad after `units` and `zeros`; got {told[0]}. "
-                "Write degrees as rad."
-            )
         if told is None:
             found.extend(_search(name, logs, i, is_angle=bool(is_angle[i])))
-        else:
-            found.extend(BlindSpot(channel=name, interval=interval) for interval in told)
+            continue
+        for start, stop in told:
+            if is_angle[i] and stop - start >= TURN:
+                raise DataError(
+                    f"`blind` of `{name}` must be shorter than a turn, in rad after `units` and `zeros`; got "
+                    f"{(start, stop)}. Write degrees as rad."
+                )
+            found.append(BlindSpot(channel=name, interval=(start, stop)))
     return tuple(found)
 
 
-def rows_in_spots(
-    log: Log, spots: Sequence[BlindSpot], is_angle: np.ndarray
-) -> tuple[tuple[BlindSpot, Int[np.ndarray, " k"]], ...]:
+def rows_in_spots(log: Log, spots: Sequence[BlindSpot], is_angle: np.ndarray) -> tuple[BlindRows, ...]:
     """Find the rows of a log that lie in dead spots.
 
     Args:
@@ -157,8 +163,8 @@ def rows_in_spots(
     found = []
     for spot in spots:
         positions, turns = columns[spot.channel]
-        found.append((spot, np.flatnonzero(spot.covers(positions, is_angle=turns))))
-    return tuple((spot, rows) for spot, rows in found if len(rows))
+        found.append(BlindRows(spot, np.flatnonzero(spot.covers(positions, is_angle=turns))))
+    return tuple(each for each in found if len(each.rows))
 
 
 def _search(name: str, logs: Sequence[Log], i: int, *, is_angle: bool) -> Iterator[BlindSpot]:
@@ -168,8 +174,8 @@ def _search(name: str, logs: Sequence[Log], i: int, *, is_angle: bool) -> Iterat
     if not paths:
         return
     ends = np.concatenate([q for _, q in paths])
-    least, most = np.quantile(ends, _ENDS)  # A glitch is no end of the range.
-    low, width = (-np.pi, TURN / _SECTORS) if is_angle else (least, (most - least) / _SECTORS)
+    least, largest = np.quantile(ends, _ENDS)  # A glitch is no end of the range.
+    low, width = (-np.pi, TURN / _SECTORS) if is_angle else (least, (largest - least) / _SECTORS)
     if not width:
         return
     columns = _columns(paths, low, width, is_angle=is_angle)
@@ -182,8 +188,8 @@ def _search(name: str, logs: Sequence[Log], i: int, *, is_angle: bool) -> Iterat
         numbers = np.arange(first, last + 1) % len(loud)
         if len(numbers) < _WIDEST:
             start, stop = low + first * width, low + (last + 2) * width
-            largest, passages = float(loud[numbers].max()), int(count[numbers].max())
-            yield BlindSpot(channel=name, interval=(start, stop), loud=largest, passages=passages)
+            loudest, passages = float(loud[numbers].max()), int(count[numbers].max())
+            yield BlindSpot(channel=name, interval=(start, stop), loud=loudest, passages=passages)
 
 
 def _ordered(log: Log) -> Int[np.ndarray, " k"]:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from ._blind import BlindSpot
+from ._blind import BlindRows
 from ._limits import LARGEST_NUMBER
 from ._logs import Impossible, Log
 from ._signals import longest_step
@@ -35,13 +35,13 @@ class Mask:
     missing: int
     impossible: tuple[Impossible, ...]
     spikes: tuple[Spikes, ...]
-    blind: tuple[tuple[BlindSpot, np.ndarray], ...]
+    blind: tuple[BlindRows, ...]
     gaps: tuple[tuple[float, float], ...]
 
     @property
     def left_out(self) -> np.ndarray:
         """Complete rows that are not used, where they are not in a gap."""
-        return np.union1d(rows_of(self.spikes), np.concatenate([np.zeros(0, int), *(rows for _, rows in self.blind)]))
+        return rows_of((*self.spikes, *self.blind))
 
     def describe(self, name: str) -> str:
         """Say what was masked, or nothing.
@@ -77,7 +77,7 @@ class Mask:
 def mask(
     log: Log,
     spikes: Sequence[Spikes] = (),
-    blind: Sequence[tuple[BlindSpot, np.ndarray]] = (),
+    blind: Sequence[BlindRows] = (),
     *,
     resample: float | None,
     delay: float,
@@ -102,7 +102,7 @@ def mask(
     rows = np.flatnonzero(log.complete)
     missing = len(log) - len(np.union1d(rows, rows_of(log.impossible)))
     chosen = partial(Mask, missing=missing, impossible=log.impossible, spikes=tuple(spikes), blind=tuple(blind))
-    rows = np.setdiff1d(rows, np.concatenate([rows_of(spikes), *(each for _, each in blind)]))
+    rows = np.setdiff1d(rows, rows_of((*spikes, *blind)))
     if len(rows) < 2:
         return chosen(pieces=(rows,), dropped=(), gaps=())
     ts = log.ts[rows]

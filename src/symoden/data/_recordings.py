@@ -19,7 +19,7 @@ from ._trajectory import Trajectory, refuse_times_out_of_order
 from ._velocities import estimate_velocities, velocity_noise_gain
 
 
-def rows_to_use(log: Log, description: Description, is_angle: np.ndarray, spots: Sequence[BlindSpot] = ()) -> Mask:
+def rows_to_use(log: Log, description: Description, is_angle: np.ndarray, spots: Sequence[BlindSpot]) -> Mask:
     """Choose the rows of a log that recordings are made of.
 
     Args:

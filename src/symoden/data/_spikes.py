@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ._kinematics import TURN
-from ._logs import Impossible, Log
+from ._logs import Log
 from ._shapes import Signals, Times
 from ._signals import least_change, longest_step, quantum
 
@@ -42,11 +42,21 @@ class Spikes:
     largest: float
 
 
-def rows_of(found: Sequence[Spikes | Impossible]) -> Int[np.ndarray, " k"]:
-    """Rows of a log in which any sample is a spike or impossible, each once.
+@runtime_checkable
+class HasRows(Protocol):
+    """Something wrong with rows of a log: spikes, impossible numbers, a dead spot."""
+
+    @property
+    def rows(self) -> Int[np.ndarray, " k"]:
+        """Rows of the log."""
+        ...
+
+
+def rows_of(found: Sequence[HasRows]) -> Int[np.ndarray, " k"]:
+    """Rows of a log with which anything is wrong, each once.
 
     Args:
-        found: Those of each column.
+        found: What is wrong.
 
     Returns:
         The rows, in order.
