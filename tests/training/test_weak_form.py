@@ -19,7 +19,7 @@ from symoden.training._adam_stage import AdamStage
 from symoden.training._data import adam_data, hold_out, levenberg_data, regression_data
 from symoden.training._flatten import Flattening, cast
 from symoden.training._gauss_newton import linearize
-from symoden.training._levenberg_stage import LevenbergStage
+from symoden.training._levenberg_stage import LevenbergStage, Search
 from symoden.training._line_up import adam_optimizer, line_up
 from symoden.training._objective import Batch
 from symoden.training._relevance import Relevance
@@ -156,6 +156,39 @@ def test_three_coordinates_and_velocities_begin_with_it(kind, quick, pendulum):
     assert regressions(dataclasses.replace(dataset, momenta=True), model, quick) == []
     assert regressions(swings(seconds=0.06), model, quick) == []  # Too few samples in a row.
     assert regressions(pendulum(), model, quick) == []
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_one_and_two_coordinates_come_back_to_it_where_adam_found_no_basin(seen, quick, pendulum):
+    dataset, config = pendulum(), dataclasses.replace(quick, scaled_loss=seen)
+    model = build(PLAIN, Space.parse("T1"), 1, key=jax.random.key(0))
+    stages = line_up(dataset, model, (model, model), config)
+    names = [stage.name for stage in stages]
+    again = ["regression", "regression: relevance", "regression: refit"] if seen else []
+    first = names.index("levenberg-marquardt")
+    assert names[:first] == ["adam 1 of 2", "adam 2 of 2", *again]
+    start = begun_with(model, model)
+    for stage, passed_over in zip(stages[2:first], (True, False, False), strict=True):
+        assert stage.applies(start._replace(best_loss=0.05, origin=2)) == (not passed_over)
+        assert not stage.applies(start._replace(best_loss=0.05, origin=1))
+        assert stage.applies(start._replace(best_loss=0.2, origin=1)) == passed_over
+    assert all(stage.applies(start._replace(best_loss=0.05, origin=1)) for stage in stages[first:])
+
+
+@pytest.mark.parametrize("better", [True, False])
+def test_a_second_way_into_a_basin_is_kept_where_rollouts_are_better(better, searching):
+    dataset, config, model = searching
+    astray = diverging(model)
+    best, fresh = (astray, model) if better else (model, astray)
+    search = Search(adam_data(dataset, model, config), fresh)
+    stage = LevenbergStage(regression(dataset, model, config), config, "regression", 1, search=search)
+    start = begun_with(best, model)._replace(stage=3, origin=1)
+    assert stage.applies(start)
+    state, report = stage.advance(stage.start(start))
+    assert (state.step, report.finished) == (1, True)
+    assert state.origin == (3 if better else 1)
+    assert eqx.tree_equal(state.best, cast(best, float)) == (not better)
+    assert report.verdict.startswith("kept (a loss of" if better else "not kept (a loss of nan over rollouts, ")
 
 
 def test_friction_on_the_full_state_has_none(quick):

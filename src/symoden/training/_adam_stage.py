@@ -17,16 +17,14 @@ from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._data import Data
 from ._flatten import Flattening, cast
-from ._objective import Batch
 from ._relevance import Relevance
 from ._residuals import evaluate_loss
-from ._stages import AbstractStage
+from ._stages import FOUND, AbstractStage
 from ._state import Incumbent, Report, TrainingState
 
 DIVERGED: Final = "diverged; the best model before was kept"
 
 _CHUNK: Final = 200
-_FOUND: Final = 0.1  # Mean squared error relative to the motion, below which a model is in the right basin.
 
 
 @final
@@ -61,7 +59,7 @@ class AdamStage(AbstractStage):
         memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=0)))
         best, loss, known = cast(state.best, dtype), state.best_loss, state.memory
         if isinstance(known, Relevance):  # A regression's loss is no rollout's.
-            loss = evaluate_loss(best, self.data.objective, self._judged)
+            loss = evaluate_loss(best, self.data.objective, self.data.judged)
         else:
             known = Relevance.start(best, self.config.prior)
         incumbent = Incumbent(best, known, state.origin, state.weighing)
@@ -69,7 +67,7 @@ class AdamStage(AbstractStage):
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
-        known = self.yields and self.config.scaled_loss and state.best_loss < _FOUND
+        known = self.yields and self.config.scaled_loss and state.best_loss < FOUND
         if known and state.step == 0:
             state = state._replace(model=state.best, memory=state.incumbent.memory)
             return state, Report(state.best_loss, state.best_loss, finished=True, outcome="found already")
@@ -95,11 +93,6 @@ class AdamStage(AbstractStage):
     def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
         """As it is."""
         return state, ""
-
-    @property
-    def _judged(self) -> Batch:
-        """Windows that models are chosen by."""
-        return self.data.train if self.data.validation is None else self.data.validation
 
     @functools.cached_property
     def _sampler(self) -> Sampler:

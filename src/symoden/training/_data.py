@@ -55,6 +55,11 @@ class Data(NamedTuple):
     validation: Batch | None
     objective: AbstractObjective
 
+    @property
+    def judged(self) -> Batch:
+        """Windows that models are chosen by."""
+        return self.train if self.validation is None else self.validation
+
     def validation_loss(self, model: AbstractDynamics, objective: AbstractObjective) -> float | None:
         """Loss on the validation windows, if there are any."""
         return None if self.validation is None else evaluate_loss(model, objective, self.validation)

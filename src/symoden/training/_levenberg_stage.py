@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final, final
+from typing import Final, NamedTuple, final
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,7 +19,7 @@ from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenber
 from ._objective import AbstractObjective, Batch
 from ._relevance import Relevance, free_scale
 from ._residuals import evaluate_loss, integration_error
-from ._stages import EXACT, EXPLAINED, AbstractStage
+from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage
 from ._state import Incumbent, Report, TrainingState
 from ._weak_form import WeakForm
 from ._weighing import Weighing
@@ -30,6 +30,30 @@ _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _FALLING: Final = 0.02  # The same while priors are learned, and loss is given for evidence and back.
 _EVIDENT: Final = 1.0  # Gain of the evidence's logarithm that is worth a mention (Kass & Raftery, 1995, Bayes factors).
+
+
+class Search(NamedTuple):
+    """Another way into a basin, where the stages before may have found none.
+
+    Attributes:
+        rollouts: Windows on which the best model tells whether it is in one.
+        fresh: The untrained model to start from instead.
+    """
+
+    rollouts: Data
+    fresh: AbstractDynamics
+
+    def loss(self, model: AbstractDynamics) -> float:
+        """Loss of a model's rollouts.
+
+        Args:
+            model: The model.
+
+        Returns:
+            The loss, not a number where they overflow.
+        """
+        judged = self.rollouts.judged
+        return evaluate_loss(cast(model, judged.q.dtype), self.rollouts.objective, judged)
 
 
 @final
@@ -56,6 +80,8 @@ class LevenbergStage(AbstractStage):
         widens: Priors are as wide as at first.
         frees: Nothing is done where what it would set free is free already.
         guess: A model to begin with where its rollouts are better than those of the best one so far.
+        search: Only where no basin was found, as far as a scaled loss tells; kept if rollouts are better for it.
+        after: Only where the best model comes from this stage or a later one, by their indices.
     """
 
     data: Data
@@ -69,18 +95,26 @@ class LevenbergStage(AbstractStage):
     widens: bool = False
     frees: bool = False
     guess: AbstractDynamics | None = None
+    search: Search | None = None
+    after: int = 0
+
+    def applies(self, state: TrainingState) -> bool:
+        """Whether the stages before have left the stage something to do."""
+        found = self.search is not None and state.best_loss < FOUND
+        return state.origin >= self.after and not found
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
-        best = cast(self._better(state), self.data.train.q.dtype)
+        dtype = self.data.train.q.dtype
+        best = cast(self._first(state), dtype)
         restore, theta = self._flattened(best)
         solver = RK4(jnp.asarray(state.substeps))
         where = restore, theta, self.data.objective, solver, self.data.train
         weighing = Weighing.plain(best.space.embedded_size + best.space.size, expected_level(*where))
-        loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
+        loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
         if self.whitens and not self._is_below(EXPLAINED, loss):
             weighing = weigh(*where, weighing)
-            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self._judged)
+            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
         fresh = Relevance.start(best, self.config.prior)
         known = state.memory if isinstance(state.memory, Relevance) else fresh
         priors = fresh if self.widens else known
@@ -92,7 +126,7 @@ class LevenbergStage(AbstractStage):
             model=best,
             weighing=weighing,
             best=best,
-            incumbent=Incumbent(best, known, state.origin, state.weighing),
+            incumbent=Incumbent(cast(state.best, dtype), known, state.origin, state.weighing),
             best_loss=loss,
             origin=state.stage,
             memory=priors,
@@ -108,7 +142,7 @@ class LevenbergStage(AbstractStage):
         substeps = self._refined(state)
         objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
-            state = state._replace(best_loss=evaluate_loss(state.best, objective, self._judged))
+            state = state._replace(best_loss=evaluate_loss(state.best, objective, self.data.judged))
             state = state._replace(memory=state.memory.unrecorded(), stale=0) if self.learns else state
         restore, theta = self._flattened(state.model)
         before = LevenbergState(theta, state.damping)
@@ -142,7 +176,7 @@ class LevenbergStage(AbstractStage):
             return state, ""
         if not self.learns:
             return self._concluded(state)
-        loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self._judged)
+        loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.judged)
         return self._concluded(state._replace(best=state.model, best_loss=loss))
 
     def rated(self, state: TrainingState) -> TrainingState:
@@ -204,8 +238,10 @@ class LevenbergStage(AbstractStage):
         """What is free of a model."""
         return Flattening.of(model, corrections=self.corrections | freed(model), dtype=self.data.train.q.dtype)
 
-    def _better(self, state: TrainingState) -> AbstractDynamics:
-        """The best model so far, or the guess if its rollouts are better."""
+    def _first(self, state: TrainingState) -> AbstractDynamics:
+        """What to begin with: the best model so far, or the guess if its rollouts are better."""
+        if self.search is not None:
+            return self.search.fresh
         if self.guess is None or self._loss(state.best, state.substeps) <= self._loss(self.guess, state.substeps):
             return state.best
         return self.guess
@@ -213,7 +249,7 @@ class LevenbergStage(AbstractStage):
     def _loss(self, model: AbstractDynamics, substeps: int) -> float:
         """Loss by which models are chosen, all errors counting alike."""
         model = cast(model, self.data.train.q.dtype)
-        return evaluate_loss(model, self.objective(substeps, self._plain(model)), self._judged)
+        return evaluate_loss(model, self.objective(substeps, self._plain(model)), self.data.judged)
 
     def _plain(self, model: AbstractDynamics) -> Weighing:
         """All errors count alike."""
@@ -240,6 +276,10 @@ class LevenbergStage(AbstractStage):
 
     def _concluded(self, state: TrainingState) -> tuple[TrainingState, str]:
         """State at the end of the stage, with what came of it or as it was before; and the verdict in words."""
+        if self.search is not None:
+            after, before = map(self.search.loss, (state.best, state.incumbent.model))
+            why = f"a loss of {after:.2g} over rollouts, {before:.2g} without"
+            return (state, f"kept ({why})") if after < before else (self._undone(state), f"not kept ({why})")
         if self.margin is None or self.data.validation is None:
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
@@ -254,7 +294,7 @@ class LevenbergStage(AbstractStage):
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""
         best, memory, origin, weighing = state.incumbent
-        loss = evaluate_loss(best, self.objective(state.substeps, state.weighing), self._judged)
+        loss = evaluate_loss(best, self.objective(state.substeps, state.weighing), self.data.judged)
         return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, weighing=weighing)
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
@@ -271,11 +311,6 @@ class LevenbergStage(AbstractStage):
     def regresses(self) -> bool:
         """Whether nothing is rolled out."""
         return isinstance(self.data.objective, WeakForm)
-
-    @property
-    def _judged(self) -> Batch:
-        """Windows that models are chosen by."""
-        return self.data.train if self.data.validation is None else self.data.validation
 
     def _is_below(self, bound: float, loss: float) -> bool:
         """Whether the loss is below a bound that is relative to the motion, as the loss is only if it is scaled."""

@@ -1,5 +1,6 @@
 """Which stages training goes through, in which order, and what each must gain to be kept."""
 
+import dataclasses
 import functools
 from collections.abc import Sequence
 from typing import Final
@@ -18,7 +19,7 @@ from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import LONGER, Data, adam_data, levenberg_data, longer_data, name_short, name_thinned, regression_data
 from ._gauss_newton import MOST_PARAMETERS
-from ._levenberg_stage import LevenbergStage
+from ._levenberg_stage import LevenbergStage, Search
 from ._stages import AbstractStage
 
 _MANY: Final = 3  # Coordinates.
@@ -42,36 +43,57 @@ def line_up(
     """
     free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
-    weak = regression_data(dataset, dynamics, config) if free and _regresses(dynamics, config) else None
-    if weak is not None:
-        stages.append(LevenbergStage(weak, config, "regression", config.lm_steps))
-        stages.extend(_further(dynamics, weak, (), config, regression=True))
+    weak = regression_data(dataset, dynamics, config) if free and _can_regress(dynamics, config) else None
+    many = dynamics.space.size >= _MANY
+    if weak is not None and many:
+        stages.extend(_regression(dynamics, weak, config))
     if candidates and free:
         data, optimizer = adam_data(dataset, dynamics, config), adam_optimizer(config)
         name_short(dataset, data)
-        many = len(candidates)
-        names = [f"adam {k + 1} of {many}" for k in range(many)] if many > 1 else ["adam"]
+        count = len(candidates)
+        names = [f"adam {k + 1} of {count}" for k in range(count)] if count > 1 else ["adam"]
         stages.extend(
-            AdamStage(data, config, name, config.adam_steps, fresh, optimizer, yields=weak is not None)
+            AdamStage(data, config, name, config.adam_steps, fresh, optimizer, yields=weak is not None and many)
             for name, fresh in zip(names, candidates, strict=True)
         )
+        if weak is not None and not many and config.scaled_loss:
+            stages.extend(_regression(dynamics, weak, config, Search(data, dynamics), after=len(stages)))
     if config.lm_steps:
         data = levenberg_data(dataset, dynamics, config)
         name_short(dataset, data)
         name_thinned(dataset, data, config)
         if free:
             guess = dynamics if weak is not None and not candidates else None
-            stages.append(LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess))
+            stages.append(
+                LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess, widens=not many)
+            )
         stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
     return stages
 
 
-def _regresses(dynamics: AbstractDynamics, config: TrainingConfig) -> bool:
-    """Whether a regression comes first: on one or two coordinates Adam does as well, and as soon."""
-    if not isinstance(dynamics, StructuredModel) or dynamics.space.size < _MANY or not config.lm_steps:
+def _can_regress(dynamics: AbstractDynamics, config: TrainingConfig) -> bool:
+    """Whether there is a weak form of the equations of motion, and second-order steps are wanted."""
+    if not isinstance(dynamics, StructuredModel) or not config.lm_steps:
         return False
     friction = jax.eval_shape(dynamics.dissipation_matrix, *jnp.zeros((2, dynamics.space.size)))
     return friction.shape[0] == dynamics.space.size  # Not the paper's, on the full state.
+
+
+def _regression(
+    dynamics: AbstractDynamics, data: Data, config: TrainingConfig, search: Search | None = None, *, after: int = 0
+) -> list[LevenbergStage]:
+    """Regression of the equations of motion in weak form: nearly linear, it needs no good start.
+
+    On three coordinates and more it comes before Adam, and saves it. On fewer Adam does as well, and tells friction
+    better; but where noise hides what moves in Adam's short windows, it ends on a plateau, with a mass so large that
+    nothing matters. Then the regression begins anew.
+
+    Returns:
+        The stages.
+    """
+    first = LevenbergStage(data, config, "regression", config.lm_steps, search=search)
+    further = _further(dynamics, data, (), config, regression=True)
+    return [first, *(dataclasses.replace(stage, after=after) for stage in further)]
 
 
 def adam_optimizer(config: TrainingConfig) -> optax.GradientTransformation:
@@ -118,7 +140,7 @@ def _further(
     full.
 
     More than `MOST_PARAMETERS` are too many: networks and harmonics of g then stay closed, and priors as wide as they
-    are. In a regression networks stay closed too.
+    are. In a regression networks stay closed too, and on one or two coordinates friction's laws.
 
     Returns:
         The stages.
@@ -132,13 +154,14 @@ def _further(
     def fits(kinds: int) -> bool:
         return 0 < count(corrections=kinds) <= MOST_PARAMETERS
 
-    judged = FRICTION if has(FRICTION) else 0
+    rubs = has(FRICTION) and (not regression or dynamics.space.size >= _MANY)
+    judged = FRICTION if rubs else 0
     learns = learn > 0 and fits(judged)
     of = "regression: " if regression else ""
     asked = (
         ("actuation", ACTUATION, _CLEAR, has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)),
-        ("friction", FRICTION, _CHANCE, has(FRICTION)),
-        ("directions", FRICTION | DIRECTIONS, _CLEAR, has(DIRECTIONS)),
+        ("friction", FRICTION, _CHANCE, rubs),
+        ("directions", FRICTION | DIRECTIONS, _CLEAR, rubs and has(DIRECTIONS)),
     )
     stages = [
         LevenbergStage(data, config, of + name, grow, kinds, margin=margin, frees=True)

@@ -198,9 +198,12 @@ def _verdicts(lines: Sequence[dict]) -> dict[str, str]:
 
 
 def _next(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:
-    """State at the start of the stage after this one."""
-    after = state._replace(stage=state.stage + 1)
-    return stages[after.stage].start(after) if after.stage < len(stages) else after
+    """State at the start of the next stage that has something to do."""
+    for stage in range(state.stage + 1, len(stages)):
+        after = state._replace(stage=stage)
+        if stages[stage].applies(after):
+            return stages[stage].start(after)
+    return state._replace(stage=len(stages))
 
 
 def _json(value: str | int | float | None) -> str | int | float | None:

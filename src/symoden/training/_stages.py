@@ -5,6 +5,7 @@ from typing import Final
 
 from ._state import Report, TrainingState
 
+FOUND: Final = 0.1  # Mean squared residual, relative to the motion, below which a model is in the right basin.
 EXPLAINED: Final = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
 EXACT: Final = 1e-11  # The same below which no measurement could tell the model from the truth.
 
@@ -19,6 +20,18 @@ class AbstractStage(abc.ABC):
 
     name: str
     steps: int
+
+    def applies(self, state: TrainingState) -> bool:
+        """Whether the stages before have left it something to do.
+
+        Args:
+            state: State at the end of the one before.
+
+        Returns:
+            Whether they have; else it is passed over.
+        """
+        del state
+        return True
 
     @abc.abstractmethod
     def start(self, state: TrainingState) -> TrainingState:
