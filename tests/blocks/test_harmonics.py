@@ -42,6 +42,19 @@ def test_harmonics_are_products_of_one_factor_per_coordinate(powers, order):
     )
 
 
+@given(seed=seeds)
+def test_products_with_and_without_lengths_make_all(seed):
+    q = jnp.asarray(np.random.default_rng(seed).normal(size=3))
+    whole = harmonics("R1 T1 R1", 2, seed, powers=2)
+    turning, sliding = harmonics("R1 T1 R1", 2, powers=0), whole.of_lengths()
+    turning = eqx.tree_at(lambda h: h.weights, turning, whole.weights[:3])
+    assert np.asarray(evaluate(turning, q) + evaluate(sliding, q)) == pytest.approx(np.asarray(evaluate(whole, q)))
+    assert np.asarray(evaluate(turning, q + jnp.array([1.0, 0.0, -2.0]))) == pytest.approx(
+        np.asarray(evaluate(turning, q))
+    )
+    assert (len(turning.weights), len(sliding.weights), len(whole.weights)) == (3, 24, 27)
+
+
 @given(seed=seeds, turns=st.integers(-3, 3))
 def test_harmonics_are_periodic_in_angles_only(seed, turns):
     function = eqx.tree_at(lambda h: h.weights, harmonics("R1 T1", 2), jnp.ones((9, 2)))

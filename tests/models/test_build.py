@@ -11,6 +11,7 @@ import pytest
 
 from symoden.blocks import (
     ACTUATION,
+    INERTIA,
     NETWORKS,
     Constant,
     Correction,
@@ -66,12 +67,13 @@ def test_blocks_start_from_harmonics_on_angles_and_from_a_constant_or_a_network_
     assert isinstance(made(bare, space="R2").potential.function, Harmonics)
 
 
-@pytest.mark.parametrize(("space", "orders"), [("T2", (2, 2)), ("T3", (3, 3)), ("T4", (2, 3)), ("R1 T5", (1, 3))])
+@pytest.mark.parametrize(("space", "orders"), [("T2", (2, 2)), ("T3", (3, 3)), ("T4", (2, 3)), ("R1 T5", (1, 1, 3))])
 def test_harmonics_of_many_joints_stay_few(space, orders):
     """A step of second-order training costs the square of their number."""
     config = dataclasses.replace(BASE, inverse_mass=BlockConfig(harmonics=True), potential=BlockConfig(harmonics=True))
     model = made(config, space=space)
-    functions = (model.inverse_mass.matrix.function, model.potential.function)
+    functions = jax.tree.leaves((model.inverse_mass, model.potential), is_leaf=lambda node: isinstance(node, Harmonics))
+    functions = [function for function in functions if isinstance(function, Harmonics)]
     assert tuple(function.order for function in functions) == orders
     assert all(function.weights.size <= 2000 for function in functions)
 
@@ -139,6 +141,20 @@ def test_a_known_input_matrix_is_kept_and_not_trained():
     assert isinstance(model.actuation, KnownValue)
     assert np.asarray(model.input_matrix(jnp.ones(2))) == pytest.approx(g, abs=0)
     assert jax.tree.leaves(eqx.filter(model.actuation, trainable(model.actuation))) == []
+
+
+def test_the_inertia_depends_on_lengths_by_a_correction():
+    model = made(dataclasses.replace(BASE, inverse_mass=BlockConfig(hidden=(5,), harmonics=True)), space="R1 T1")
+    terms = model.inverse_mass.matrix.function.terms
+    assert [type(term) for term in terms] == [Harmonics, Correction, Correction]
+    assert [(type(term.function), term.kind) for term in terms[1:]] == [(Harmonics, INERTIA), (Network, NETWORKS)]
+    assert count_parameters(model, corrections=INERTIA) - count_parameters(model, corrections=0) == 12 * 3
+    here, further = jnp.array([0.3, 0.5]), jnp.array([1.7, 0.5])
+    assert np.asarray(model.mass_matrix(further)) == pytest.approx(np.asarray(model.mass_matrix(here)), abs=1e-14)
+    moved = eqx.tree_at(
+        lambda model: model.inverse_mass.matrix.function.terms[1].function.weights, model, jnp.ones((3, 12))
+    )
+    assert np.abs(moved.mass_matrix(further) - moved.mass_matrix(here)).max() > 0.1
 
 
 def test_inputs_may_act_by_harmonics_where_there_are_angles():

@@ -44,7 +44,9 @@ ACTUATION = 4
 """Those by which inputs act otherwise from configuration to configuration."""
 NETWORKS = 8
 """Networks, which can be anything."""
-CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS
+INERTIA = 16
+"""Those by which the inertia depends on lengths."""
+CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS | INERTIA
 """All kinds of corrections."""
 
 _WAVES = 2.0  # Spread of the first frequencies of a network of sines, relative to the inputs' scale.
@@ -179,8 +181,8 @@ class Correction(AbstractFunction):
         Raises:
             ValueError: If `kind` is no flag, or several.
         """
-        if self.kind not in (FRICTION, DIRECTIONS, ACTUATION, NETWORKS):
-            raise ValueError(f"`kind` must be FRICTION, DIRECTIONS, ACTUATION or NETWORKS; got {self.kind}.")
+        if self.kind not in (FRICTION, DIRECTIONS, ACTUATION, NETWORKS, INERTIA):
+            raise ValueError(f"`kind` must be FRICTION, DIRECTIONS, ACTUATION, NETWORKS or INERTIA; got {self.kind}.")
 
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""

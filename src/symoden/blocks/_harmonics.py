@@ -1,5 +1,6 @@
 """Functions made of the first harmonics of angles and low powers of lengths, as rigid bodies on joints have them."""
 
+import dataclasses
 import itertools
 from typing import final
 
@@ -28,8 +29,9 @@ class Harmonics(AbstractFunction):
         space: Configuration space.
         center: Subtracted from the embedded coordinates.
         scale: Divides them then.
-        powers: Highest power p of a length.
+        powers: Highest power p of a length; 0 leaves lengths out.
         order: Largest number of factors of a product that are not 1.
+        sliding: Only products with a length among their factors.
     """
 
     weights: Float[Array, "f k"]
@@ -38,6 +40,7 @@ class Harmonics(AbstractFunction):
     scale: Known
     powers: int = eqx.field(static=True)
     order: int = eqx.field(static=True)
+    sliding: bool = eqx.field(static=True, default=False)
 
     @classmethod
     def init(
@@ -57,7 +60,7 @@ class Harmonics(AbstractFunction):
         Args:
             space: Configuration space.
             outputs: Number of coefficients k.
-            powers: Highest power of a length.
+            powers: Highest power of a length; 0 leaves lengths out.
             order: Largest number of factors that are not 1; no more than coordinates are taken.
             spread: Standard deviation of the weights.
             center: Subtracted from the embedded coordinates; zeros if absent.
@@ -81,29 +84,43 @@ class Harmonics(AbstractFunction):
             order=order,
         )
 
+    def of_lengths(self) -> "Harmonics":
+        """Those of the products that have a length among their factors.
+
+        Returns:
+            The function that is left.
+
+        Example:
+            >>> Harmonics.init(Space.parse("R1 T1"), 1, powers=1, key=jax.random.key(0)).of_lengths().weights.shape
+            (3, 1)
+        """
+        count = len(products(self.space, self.powers, self.order, sliding=True))
+        return dataclasses.replace(self, weights=self.weights[-count:], sliding=True)
+
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""
         r, cosines, sines = jnp.split(
             (self.space.embed(q) - self.center.value) / self.scale.value,
             np.cumsum([len(self.space.lengths), len(self.space.angles)]),
         )
-        factors = [jnp.stack([x**power for power in range(1, self.powers + 1)]) for x in r]
+        factors = [jnp.stack([x**power for power in range(1, self.powers + 1)]) for x in r] if self.powers else []
         factors += [jnp.stack(pair) for pair in zip(cosines, sines, strict=True)]
         # By how many factors are not 1, of the last coordinates: no gathers, which are slow to differentiate.
         found = [jnp.ones(1, q.dtype)] * (self.order + 1)
         for factor in reversed(factors):
             more = [jnp.outer(factor, fewer).ravel() for fewer in found[:-1]]
             found = found[:1] + [jnp.concatenate(pair) for pair in zip(found[1:], more, strict=True)]
-        return found[-1] @ self.weights
+        return found[-1][-len(self.weights) :] @ self.weights  # Those without lengths come first.
 
 
-def products(space: Space, powers: int, order: int) -> list[tuple[int, ...]]:
+def products(space: Space, powers: int, order: int, *, sliding: bool = False) -> list[tuple[int, ...]]:
     """Products of one factor per coordinate, in the order of their weights.
 
     Args:
         space: Configuration space.
-        powers: Highest power of a length.
+        powers: Highest power of a length; 0 leaves lengths out.
         order: Largest number of factors that are not 1.
+        sliding: Only products with a length among their factors.
 
     Returns:
         For each product which factor of every length, then of every angle, it takes; the constant product first.
@@ -120,4 +137,5 @@ def products(space: Space, powers: int, order: int) -> list[tuple[int, ...]]:
                 product = np.zeros(space.size, int)
                 product[list(chosen)] = factors
                 found.append(tuple(product.tolist()))
-    return sorted(found)
+    lengths = len(space.lengths)
+    return sorted(product for product in found if any(product[:lengths]) or not sliding)

@@ -12,6 +12,7 @@ from symoden.blocks import (
     ACTUATION,
     DIRECTIONS,
     FRICTION,
+    INERTIA,
     ODD_SHAPES,
     AbstractBlock,
     AbstractFriction,
@@ -158,8 +159,10 @@ class _Maker:
         if self._is_harmonic(self.config.inverse_mass):
             rows = _BODIES * n
             jacobian = self._function(
-                self.config.inverse_mass, rows * n, base=np.eye(rows, n).ravel(), powers=1, key=key
+                self.config.inverse_mass, rows * n, base=np.eye(rows, n).ravel(), powers=0, key=key
             )
+            if len(self.space.lengths):
+                jacobian = self._also_sliding(jacobian, rows * n, key=jax.random.fold_in(key, 1))
             scale = Known.of(np.sqrt(self.scales.momentum / self.scales.velocity))
             return InverseBlock(GramBlock(jacobian, scale, floor=self.config.floor**2))
         base = identity_triangle(n) if self.config.scaled else None
@@ -300,6 +303,12 @@ class _Maker:
         if base is not None and self.config.scaled:
             return Sum((start, Network(self.space, perceptron)))
         return Network(self.space, perceptron)
+
+    def _also_sliding(self, function: AbstractFunction, size: int, *, key: PRNGKeyArray) -> Sum:
+        """Products with lengths are another correction: along most lengths the inertia stays as it is."""
+        sliding = self._harmonics(size, powers=1, spread=0.0, key=key).of_lengths()
+        first, *rest = function.terms if isinstance(function, Sum) else (function,)
+        return Sum((first, Correction(sliding, kind=INERTIA), *rest))
 
     def _harmonics(self, size: int, *, powers: int, spread: float, key: PRNGKeyArray) -> Harmonics:
         """Products of the first harmonics and of powers of lengths, with as many factors as leave few weights."""

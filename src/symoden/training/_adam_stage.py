@@ -2,7 +2,7 @@
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, final
 
 import equinox as eqx
@@ -50,6 +50,10 @@ class AdamStage(AbstractStage):
     fresh: AbstractDynamics
     optimizer: optax.GradientTransformation
     yields: bool = False
+
+    def anew(self, fresh: AbstractDynamics) -> "AdamStage":
+        """The same from another draw of weights."""
+        return replace(self, fresh=fresh)
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin with fresh weights and an empty memory."""

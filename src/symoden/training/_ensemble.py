@@ -18,7 +18,6 @@ from symoden.blocks import DIRECTIONS, FRICTION, NETWORKS
 from symoden.mechanics import AbstractDynamics
 from symoden.storage import StorageError, load_arrays, save_arrays
 
-from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._flatten import Flattening, cast
 from ._level import LEAST_WINDOWS
@@ -334,7 +333,9 @@ class _Member:
         """
         state = self.pattern.state._replace(best=fresh, best_loss=math.inf, memory=None)
         for each in self.pattern.first:
-            stage = dataclasses.replace(each, fresh=fresh) if isinstance(each, AdamStage) else each
+            stage = each.anew(fresh)
+            if not stage.applies(state):
+                continue
             state, finished = stage.start(state), False
             while not finished:
                 state, done = stage.advance(state)

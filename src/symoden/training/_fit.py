@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from symoden.blocks import ACTUATION, count_parameters, trainable
+from symoden.blocks import ACTUATION, INERTIA, count_parameters, trainable
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, build, check_known, save
@@ -236,12 +236,15 @@ def _pattern(
     stages: Sequence[AbstractStage], state: TrainingState, fresh: Callable[[int], AbstractDynamics]
 ) -> Pattern:
     """How members are trained: as the stage did that the best model came from."""
-    begun = [stage for stage in stages[:1] if isinstance(stage, LevenbergStage) and stage.regresses]
-    adam = [stage for stage in stages if isinstance(stage, AdamStage)][:1]
     last = stages[state.origin]
     if not isinstance(last, LevenbergStage) or last.regresses:
         raise TypeError("The best model must come from Levenberg-Marquardt on rollouts.")
     # What an earlier stage set free and validation kept is open, though the last one did not change it.
     kinds = last.corrections | freed(state.best)
-    regression = [dataclasses.replace(stage, corrections=kinds & ACTUATION) for stage in begun]
-    return Pattern(fresh, (*regression, *adam), dataclasses.replace(last, corrections=kinds), state)
+    first: dict[type[AbstractStage], AbstractStage] = {}
+    for stage in stages:
+        if isinstance(stage, LevenbergStage) and stage.regresses:
+            first.setdefault(LevenbergStage, dataclasses.replace(stage, corrections=kinds & (ACTUATION | INERTIA)))
+        elif isinstance(stage, AdamStage):
+            first.setdefault(AdamStage, stage)
+    return Pattern(fresh, tuple(first.values()), dataclasses.replace(last, corrections=kinds), state)

@@ -1,7 +1,7 @@
 """Levenberg-Marquardt as a stage of training."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, final
 
 import jax.numpy as jnp
@@ -50,7 +50,7 @@ class Search(NamedTuple):
             model: The model.
 
         Returns:
-            The loss, not a number where they overflow.
+            The loss, infinite where they overflow.
         """
         judged = self.rollouts.judged
         return evaluate_loss(cast(model, judged.q.dtype), self.rollouts.objective, judged)
@@ -102,6 +102,10 @@ class LevenbergStage(AbstractStage):
         """Whether the stages before have left the stage something to do."""
         found = self.search is not None and state.best_loss < FOUND
         return state.origin >= self.after and not found
+
+    def anew(self, fresh: AbstractDynamics) -> "LevenbergStage":
+        """The same where it begins with the best model; else from another draw of weights."""
+        return self if self.search is None else replace(self, search=self.search._replace(fresh=fresh))
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, NETWORKS, count_parameters
+from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, INERTIA, NETWORKS, count_parameters
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
@@ -122,9 +122,11 @@ def _further(
     *,
     regression: bool = False,
 ) -> list[LevenbergStage]:
-    """Corrections: how inputs act, friction's laws, their directions, how much of all that is needed, networks.
+    """Corrections: what inertia and inputs depend on, friction's laws, directions, what of that is needed, networks.
 
-    Where inputs act otherwise from configuration to configuration comes first: a constant g spoils all else.
+    Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
+    g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
+    where it might differ from place to place, they are never twice.
 
     Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
@@ -159,6 +161,7 @@ def _further(
     learns = learn > 0 and fits(judged)
     of = "regression: " if regression else ""
     asked = (
+        ("inertia", INERTIA, _CLEAR, has(INERTIA) and fits(judged | DIRECTIONS | INERTIA)),
         ("actuation", ACTUATION, _CLEAR, has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)),
         ("friction", FRICTION, _CHANCE, rubs),
         ("directions", FRICTION | DIRECTIONS, _CLEAR, rubs and has(DIRECTIONS)),

@@ -3,6 +3,8 @@
 import abc
 from typing import Final
 
+from symoden.mechanics import AbstractDynamics
+
 from ._state import Report, TrainingState
 
 FOUND: Final = 0.1  # Mean squared residual, relative to the motion, below which a model is in the right basin.
@@ -32,6 +34,18 @@ class AbstractStage(abc.ABC):
         """
         del state
         return True
+
+    def anew(self, fresh: AbstractDynamics) -> "AbstractStage":
+        """The same stage for another draw of weights.
+
+        Args:
+            fresh: Untrained model.
+
+        Returns:
+            The stage that begins with it, where it begins with an untrained model.
+        """
+        del fresh
+        return self
 
     @abc.abstractmethod
     def start(self, state: TrainingState) -> TrainingState:
