@@ -1,5 +1,7 @@
 """An inertia that depends on a length is found where there is one, and only there."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -55,8 +57,9 @@ def accelerate(bead, q, v, u):
 @pytest.mark.parametrize("bead", [True, False])
 def test_a_bead_on_a_rod_is_found_and_a_rod_alone_keeps_its_inertia(bead):
     result = fit(turned(bead), model=MODEL, config=CONFIG)
+    model: Any = result.model
     assert result.verdicts["inertia"].startswith("kept" if bead else "not kept")
-    assert freed(result.model) == (INERTIA if bead else 0)
+    assert freed(model) == (INERTIA if bead else 0)
     for r in (-0.5, 0.1, 0.7):
-        found = np.asarray(result.model.mass_matrix(jnp.array([r, 1.0])))
+        found = np.asarray(model.mass_matrix(jnp.array([r, 1.0])))
         assert found == pytest.approx(np.diag([MASS, inertia(bead, r)]), abs=0.02)
