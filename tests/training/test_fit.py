@@ -16,7 +16,6 @@ from symoden.models import KINDS, BlockConfig, ModelConfig, StructuredModel
 from symoden.systems import Pendulum
 from symoden.training import TrainingConfig, TrainingError, _fit, _line_up, fit
 from symoden.training._fit import _prepare
-from symoden.training._levenberg_stage import LevenbergStage
 
 CONSTANT = BlockConfig(constant=True)
 
@@ -176,7 +175,9 @@ def test_validation_windows_are_no_training_windows(pendulum, small, quick):
         stages, _ = _prepare(pendulum(count=count), small, quick)
         stage: Any
         for stage in stages:
-            assert stage.data.validation is not None
+            if stage.data.validation is None:  # Too short for a bump.
+                assert stage.name.startswith("regression")
+                continue
             rows = [
                 {tuple(row) for row in np.concatenate([part.q, part.rates], axis=-1).reshape(-1, 2).tolist()}
                 for part in (stage.data.train, stage.data.validation)
@@ -192,7 +193,7 @@ def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they
 
     def names(most):
         monkeypatch.setattr(_line_up, "MOST_PARAMETERS", most)
-        return [stage.name for stage in _prepare(pendulum(), small, quick)[0]][3:]
+        return [stage.name for stage in _prepare(pendulum(), small, quick)[0][3:] if "regression" not in stage.name]
 
     assert few < all_of_them
     assert names(all_of_them) == ["levenberg-marquardt", "relevance", "refit", "growth"]
@@ -204,7 +205,7 @@ def test_of_long_logs_windows_that_are_spaced_evenly_are_predicted(pendulum, sma
     def windows(most):
         config = dataclasses.replace(quick, lm_samples=most)
         stages, _ = _prepare(pendulum(samples=100, count=4), small, config)
-        stage: Any = next(stage for stage in stages if isinstance(stage, LevenbergStage))
+        stage: Any = next(stage for stage in stages if stage.name == "levenberg-marquardt")
         return stage.data
 
     whole = windows(10_000)

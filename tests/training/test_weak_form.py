@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import Correction
+from symoden.blocks import ACTUATION, FRICTION, Correction, trainable
 from symoden.data import Dataset, Trajectory
 from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, BlockConfig, ModelConfig, build, rescale
@@ -17,9 +17,9 @@ from symoden.systems import LinkChain
 from symoden.training import TrainingConfig, _ensemble, fit
 from symoden.training._adam_stage import AdamStage
 from symoden.training._data import adam_data, hold_out, levenberg_data, regression_data
-from symoden.training._flatten import Flattening, cast
+from symoden.training._flatten import Flattening, cast, freed
 from symoden.training._gauss_newton import linearize
-from symoden.training._levenberg_stage import LevenbergStage, Search
+from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import adam_optimizer, line_up
 from symoden.training._objective import Batch
 from symoden.training._relevance import Relevance
@@ -179,8 +179,8 @@ def test_a_second_way_into_a_basin_is_kept_where_rollouts_are_better(better, sea
     dataset, config, model = searching
     astray = diverging(model)
     best, fresh = (astray, model) if better else (model, astray)
-    search = Search(adam_data(dataset, model, config), fresh)
-    stage = LevenbergStage(regression(dataset, model, config), config, "regression", 1, search=search)
+    rollouts = adam_data(dataset, model, config)
+    stage = LevenbergStage(regression(dataset, model, config), config, "regression", 1, fresh=fresh, rollouts=rollouts)
     start = begun_with(best, model)._replace(stage=3, origin=1)
     assert stage.applies(start)
     state, report = stage.advance(stage.start(start))
@@ -188,6 +188,42 @@ def test_a_second_way_into_a_basin_is_kept_where_rollouts_are_better(better, sea
     assert state.origin == (3 if better else 1)
     assert eqx.tree_equal(state.best, cast(best, float)) == (not better)
     assert report.verdict.startswith("kept (a loss of" if better else "not kept (a loss of inf over rollouts, ")
+
+
+TURNING = dataclasses.replace(PLAIN, actuation=BlockConfig(hidden=(3,), constant=True), knees=(0.1,))
+
+
+def test_inputs_that_turn_are_asked_for_from_the_untrained_model_on(quick):
+    dataset, model = swings(), build(TURNING, Space.parse("T3"), 3, key=jax.random.key(0))
+    stages = [stage for stage in line_up(dataset, model, (), quick) if isinstance(stage, LevenbergStage)]
+    names = [stage.name for stage in stages]
+    asked = names.index("regression: actuation")
+    assert names[asked - 1 : asked + 2] == ["regression: relevance", "regression: actuation", "regression: refit"]
+    stage = stages[asked]
+    assert stage.fresh is model
+    assert (stage.corrections, stage.learns, stage.plain) == (ACTUATION, True, quick.lm_steps)
+    assert stage.steps == quick.lm_steps + quick.relevance_steps
+    state = begun_with(model, model)
+    assert stage.applies(state)
+    assert not stage.applies(state._replace(best_loss=1e-7))
+    assert [each.fresh for each in stages if each is not stage] == [None] * (len(stages) - 1)
+
+
+def test_it_begins_anew_without_laws_of_friction_and_learns_priors_after_plain_steps(searching, scrambled):
+    dataset, config, _ = searching
+    model = build(TURNING, Space.parse("T3"), 3, key=jax.random.key(0))
+    rubbed = scrambled(eqx.filter(model, trainable(model, corrections=FRICTION)), 0, 0.1)
+    before, data = eqx.combine(rubbed, model), regression(dataset, model, config)
+    stage = LevenbergStage(data, config, "stage", 4, ACTUATION, margin=-1e9, learns=True, plain=2, fresh=model)
+    state, variances = stage.start(begun_with(before, model)), []
+    assert eqx.tree_equal(state.best, cast(model, float))
+    report = None
+    while report is None or not report.finished:
+        state, report = stage.advance(state)
+        variances.append(float(state.memory.variance) > 0)
+        assert freed(state.model) == ACTUATION
+    assert variances == [False, False, True, True]
+    assert eqx.tree_equal(dataclasses.replace(stage, margin=1e9)._undone(state).best, cast(before, float))
 
 
 def test_friction_on_the_full_state_has_none(quick):

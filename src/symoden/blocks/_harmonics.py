@@ -110,7 +110,8 @@ class Harmonics(AbstractFunction):
         for factor in reversed(factors):
             more = [jnp.outer(factor, fewer).ravel() for fewer in found[:-1]]
             found = found[:1] + [jnp.concatenate(pair) for pair in zip(found[1:], more, strict=True)]
-        return found[-1][-len(self.weights) :] @ self.weights  # Those without lengths come first.
+        first = len(products(self.space, 0, self.order)) if self.sliding else 0  # Those without lengths come first.
+        return found[-1][first:] @ self.weights
 
 
 def products(space: Space, powers: int, order: int, *, sliding: bool = False) -> list[tuple[int, ...]]:

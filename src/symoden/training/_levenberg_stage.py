@@ -2,12 +2,13 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple, final
+from typing import Final, final
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from symoden.blocks import DIRECTIONS, FRICTION
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
@@ -30,30 +31,6 @@ _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _FALLING: Final = 0.02  # The same while priors are learned, and loss is given for evidence and back.
 _EVIDENT: Final = 1.0  # Gain of the evidence's logarithm that is worth a mention (Kass & Raftery, 1995, Bayes factors).
-
-
-class Search(NamedTuple):
-    """Another way into a basin, where the stages before may have found none.
-
-    Attributes:
-        rollouts: Windows on which the best model tells whether it is in one.
-        fresh: The untrained model to start from instead.
-    """
-
-    rollouts: Data
-    fresh: AbstractDynamics
-
-    def loss(self, model: AbstractDynamics) -> float:
-        """Loss of a model's rollouts.
-
-        Args:
-            model: The model.
-
-        Returns:
-            The loss, infinite where they overflow.
-        """
-        judged = self.rollouts.judged
-        return evaluate_loss(cast(model, judged.q.dtype), self.rollouts.objective, judged)
 
 
 @final
@@ -80,7 +57,11 @@ class LevenbergStage(AbstractStage):
         widens: Priors are as wide as at first.
         frees: Nothing is done where what it would set free is free already.
         guess: A model to begin with where its rollouts are better than those of the best one so far.
-        search: Only where no basin was found, as far as a scaled loss tells; kept if rollouts are better for it.
+        fresh: An untrained model to begin with in any case. What stages before have set free and kept is free, but for
+            friction's laws: from wide priors on these take up what is not yet explained.
+        plain: The largest number of steps before priors are learned.
+        rollouts: Windows on which the best model has found no basin, as far as a scaled loss tells: else the stage has
+            nothing to do. What comes of it is kept if rollouts there are better.
         after: Only where the best model comes from this stage or a later one, by their indices.
     """
 
@@ -95,23 +76,28 @@ class LevenbergStage(AbstractStage):
     widens: bool = False
     frees: bool = False
     guess: AbstractDynamics | None = None
-    search: Search | None = None
+    fresh: AbstractDynamics | None = None
+    plain: int = 0
+    rollouts: Data | None = None
     after: int = 0
 
     def applies(self, state: TrainingState) -> bool:
         """Whether the stages before have left the stage something to do."""
-        found = self.search is not None and state.best_loss < FOUND
-        return state.origin >= self.after and not found
+        if state.origin < self.after:
+            return False
+        if self.rollouts is not None:
+            return state.best_loss >= FOUND
+        return self.fresh is None or not self._is_below(EXPLAINED, state.best_loss)
 
     def anew(self, fresh: AbstractDynamics) -> "LevenbergStage":
         """The same where it begins with the best model; else from another draw of weights."""
-        return self if self.search is None else replace(self, search=self.search._replace(fresh=fresh))
+        return self if self.fresh is None else replace(self, fresh=fresh)
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
         best = cast(self._first(state), dtype)
-        restore, theta = self._flattened(best)
+        restore, theta = self._flattened(best, state.best)
         solver = RK4(jnp.asarray(state.substeps))
         where = restore, theta, self.data.objective, solver, self.data.train
         weighing = Weighing.plain(best.space.embedded_size + best.space.size, expected_level(*where))
@@ -124,6 +110,7 @@ class LevenbergStage(AbstractStage):
         priors = fresh if self.widens else known
         if self.learns:  # Beside the residuals of these windows.
             kept = known.kept if self.widens and known.kept >= 0 else freed(best)
+            kept = kept if self.fresh is None else restore.corrections
             priors = priors.forgotten().narrowed(best, int(kept), self.corrections)
         return state._replace(
             step=0,
@@ -148,7 +135,7 @@ class LevenbergStage(AbstractStage):
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
             state = state._replace(best_loss=evaluate_loss(state.best, objective, self.data.judged))
             state = state._replace(memory=state.memory.unrecorded(), stale=0) if self.learns else state
-        restore, theta = self._flattened(state.model)
+        restore, theta = self._flattened(state.model, state.incumbent.model)
         before = LevenbergState(theta, state.damping)
         after, step = self.step(
             before, restore, self.data.train, substeps=substeps, weighing=state.weighing, priors=state.memory
@@ -157,7 +144,7 @@ class LevenbergStage(AbstractStage):
         validation = self.data.validation_loss(model, objective)
         judged = step.after if validation is None else validation
         state = state._replace(step=state.step + 1, model=model, damping=after.damping, substeps=substeps)
-        if self.learns:
+        if self.learns and state.step > self.plain:
             state = self._learned(state, step, np.asarray(theta, float), restore.corrections)
         else:
             better = judged < state.best_loss
@@ -167,6 +154,9 @@ class LevenbergStage(AbstractStage):
                 best_loss=judged if better else state.best_loss,
                 stale=0 if better and falling else state.stale + 1,
             )
+            if self.learns and (state.stale >= self.config.patience or state.step == self.plain):
+                model, judged = state.best, state.best_loss
+                state = state._replace(step=self.plain, model=model, damping=self.config.damping, stale=0)
         ended, outcome = self._ended(state)
         verdict = ""
         if ended:
@@ -238,14 +228,15 @@ class LevenbergStage(AbstractStage):
             pin=pin,
         )
 
-    def _flattened(self, model: AbstractDynamics) -> tuple[Flattening, Float[Array, " P"]]:
-        """What is free of a model."""
-        return Flattening.of(model, corrections=self.corrections | freed(model), dtype=self.data.train.q.dtype)
+    def _flattened(self, model: AbstractDynamics, before: AbstractDynamics) -> tuple[Flattening, Float[Array, " P"]]:
+        """What is free of a model; if it began anew, also what was free of the best one before."""
+        kept = freed(model) if self.fresh is None else freed(model) | freed(before) & ~(FRICTION | DIRECTIONS)
+        return Flattening.of(model, corrections=self.corrections | kept, dtype=self.data.train.q.dtype)
 
     def _first(self, state: TrainingState) -> AbstractDynamics:
         """What to begin with: the best model so far, or the guess if its rollouts are better."""
-        if self.search is not None:
-            return self.search.fresh
+        if self.fresh is not None:
+            return self.fresh
         if self.guess is None or self._loss(state.best, state.substeps) <= self._loss(self.guess, state.substeps):
             return state.best
         return self.guess
@@ -280,8 +271,10 @@ class LevenbergStage(AbstractStage):
 
     def _concluded(self, state: TrainingState) -> tuple[TrainingState, str]:
         """State at the end of the stage, with what came of it or as it was before; and the verdict in words."""
-        if self.search is not None:
-            after, before = map(self.search.loss, (state.best, state.incumbent.model))
+        if self.rollouts is not None:
+            windows, objective = self.rollouts.judged, self.rollouts.objective
+            models = (cast(model, windows.q.dtype) for model in (state.best, state.incumbent.model))
+            after, before = (evaluate_loss(model, objective, windows) for model in models)
             why = f"a loss of {after:.2g} over rollouts, {before:.2g} without"
             return (state, f"kept ({why})") if after < before else (self._undone(state), f"not kept ({why})")
         if self.margin is None or self.data.validation is None:

@@ -19,7 +19,7 @@ from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import LONGER, Data, adam_data, levenberg_data, longer_data, name_short, name_thinned, regression_data
 from ._gauss_newton import MOST_PARAMETERS
-from ._levenberg_stage import LevenbergStage, Search
+from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
 
 _MANY: Final = 3  # Coordinates.
@@ -57,7 +57,7 @@ def line_up(
             for name, fresh in zip(names, candidates, strict=True)
         )
         if weak is not None and not many and config.scaled_loss:
-            stages.extend(_regression(dynamics, weak, config, Search(data, dynamics), after=len(stages)))
+            stages.extend(_regression(dynamics, weak, config, data, after=len(stages)))
     if config.lm_steps:
         data = levenberg_data(dataset, dynamics, config)
         name_short(dataset, data)
@@ -80,7 +80,7 @@ def _can_regress(dynamics: AbstractDynamics, config: TrainingConfig) -> bool:
 
 
 def _regression(
-    dynamics: AbstractDynamics, data: Data, config: TrainingConfig, search: Search | None = None, *, after: int = 0
+    dynamics: AbstractDynamics, data: Data, config: TrainingConfig, rollouts: Data | None = None, *, after: int = 0
 ) -> list[LevenbergStage]:
     """Regression of the equations of motion in weak form: nearly linear, it needs no good start.
 
@@ -91,7 +91,8 @@ def _regression(
     Returns:
         The stages.
     """
-    first = LevenbergStage(data, config, "regression", config.lm_steps, search=search)
+    fresh = None if rollouts is None else dynamics
+    first = LevenbergStage(data, config, "regression", config.lm_steps, fresh=fresh, rollouts=rollouts)
     further = _further(dynamics, data, (), config, regression=True)
     return [first, *(dataclasses.replace(stage, after=after) for stage in further)]
 
@@ -126,7 +127,9 @@ def _further(
 
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
-    where it might differ from place to place, they are never twice.
+    where it might differ from place to place, they are never twice. In a regression, which is soon done, a g that is
+    not constant is asked for by another one from the untrained model on, after priors are learned in both: once M and V
+    are bent around a constant g, there is no way back.
 
     Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
@@ -159,10 +162,11 @@ def _further(
     rubs = has(FRICTION) and (not regression or dynamics.space.size >= _MANY)
     judged = FRICTION if rubs else 0
     learns = learn > 0 and fits(judged)
+    turns = has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)
     of = "regression: " if regression else ""
     asked = (
         ("inertia", INERTIA, _CLEAR, has(INERTIA) and fits(judged | DIRECTIONS | INERTIA)),
-        ("actuation", ACTUATION, _CLEAR, has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)),
+        ("actuation", ACTUATION, _CLEAR, turns and not regression),
         ("friction", FRICTION, _CHANCE, rubs),
         ("directions", FRICTION | DIRECTIONS, _CLEAR, rubs and has(DIRECTIONS)),
     )
@@ -176,6 +180,10 @@ def _further(
         stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))
     if not grow:
         return stages
+    if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
+        steps, plain = (config.lm_steps + learn, config.lm_steps) if learns else (config.lm_steps, 0)
+        first = LevenbergStage(data, config, f"{of}actuation", steps, ACTUATION, margin=_CLEAR, learns=learns)
+        stages.append(dataclasses.replace(first, fresh=dynamics, plain=plain))
     anew = functools.partial(whitened, steps=learn if learns else grow, margin=-_CLEAR, learns=learns, widens=True)
     stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
     longest = longer[-1] if longer else data
