@@ -1,4 +1,4 @@
-"""Recordings of a damped pendulum and settings that train in a moment."""
+"""Recordings of a damped pendulum and of a chain, and settings that train in a moment."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +7,7 @@ import pytest
 from symoden.data import Dataset, Trajectory
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig
-from symoden.systems import Pendulum
+from symoden.systems import LinkChain, Pendulum
 from symoden.training import TrainingConfig
 
 CONSTANT = BlockConfig(constant=True)
@@ -24,6 +24,18 @@ def small():
         friction=CORRECTED,
         energy=(4,),
         flow=(4,),
+        knees=(),
+    )
+
+
+@pytest.fixture(scope="session")
+def plain():
+    """A model of chains, with viscous friction alone."""
+    return ModelConfig(
+        inverse_mass=BlockConfig(harmonics=True),
+        potential=BlockConfig(harmonics=True),
+        actuation=CONSTANT,
+        friction=CONSTANT,
         knees=(),
     )
 
@@ -60,5 +72,26 @@ def pendulum():
             recording = {"ts": ts, "q": np.asarray(path.q), "rates": np.asarray(path.rates), "us": us[:, :inputs]}
             recordings.append(Trajectory(name=f"swing{k}", **recording))
         return Dataset(name="swings", space="T1", train=tuple(recordings), momenta=momenta)
+
+    return simulate
+
+
+@pytest.fixture(scope="session")
+def swings():
+    """Simulate recordings of a chain of three links under inputs that change at some pace."""
+
+    def simulate(*, step=0.01, seconds=1.0, count=6, pace=3.0, seed=0):
+        chain = LinkChain.of_rods(3, mass=0.5, length=0.4, damping=0.1)
+        generator = np.random.default_rng(seed)
+        ts = np.arange(round(seconds / step) + 1) * step
+        recordings = []
+        for k in range(count):
+            phase = generator.uniform(0, 6, 3)
+            us = np.sin(pace * ts[:, None] + phase)
+            q0, v0 = generator.uniform(-1, 1, (2, 3))
+            path = rollout(chain, *map(jnp.asarray, (q0, v0, ts, us)), solver=RK4(8))
+            parts = {"ts": ts, "q": np.asarray(path.q), "rates": np.asarray(path.rates), "us": us}
+            recordings.append(Trajectory(name=f"swing{k}", **parts))
+        return Dataset(name="swings", space="T3", train=tuple(recordings))
 
     return simulate
