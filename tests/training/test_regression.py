@@ -81,12 +81,13 @@ def test_a_second_way_into_a_basin_is_kept_where_rollouts_are_better(better, sea
     assert report.verdict.startswith("kept (a loss of" if better else "not kept (a loss of inf over rollouts, ")
 
 
-def test_inputs_that_turn_are_asked_for_from_the_untrained_model_on(searching, turning):
+def test_inputs_that_turn_are_asked_for_once_more_from_the_untrained_model_on(searching, turning, scrambled):
     (dataset, config, _), model = searching, build(turning, Space.parse("T3"), 3, key=jax.random.key(0))
     stages = [stage for stage in line_up(dataset, model, (), config) if isinstance(stage, LevenbergStage)]
-    names = [stage.name for stage in stages]
-    asked = names.index("regression: actuation")
-    assert names[asked - 1 : asked + 2] == ["regression: relevance", "regression: actuation", "regression: refit"]
+    names = [stage.name.removeprefix("regression: ") for stage in stages]
+    asked = names.index("actuation anew")
+    assert names[:asked] == ["regression", "actuation", "friction", "directions", "relevance"]
+    assert names[asked + 1] == "refit"
     stage = stages[asked]
     assert stage.fresh is model
     assert (stage.corrections, stage.learns, stage.plain) == (ACTUATION, True, config.lm_steps)
@@ -94,9 +95,10 @@ def test_inputs_that_turn_are_asked_for_from_the_untrained_model_on(searching, t
     state = begun_with(model, model)
     assert stage.applies(state)
     assert not stage.applies(state._replace(best_loss=1e-7))
+    assert not stage.applies(state._replace(best=scrambled(model, 0, 0.1)))
     assert [each.fresh for each in stages if each is not stage] == [None] * (len(stages) - 1)
     unvalidated = dataclasses.replace(dataset, validation=())
-    assert "regression: actuation" not in [stage.name for stage in line_up(unvalidated, model, (), config)]
+    assert "regression: actuation anew" not in [stage.name for stage in line_up(unvalidated, model, (), config)]
 
 
 def test_it_begins_anew_without_laws_of_friction_and_learns_priors_after_plain_steps(searching, scrambled, turning):

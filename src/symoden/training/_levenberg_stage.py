@@ -87,7 +87,7 @@ class LevenbergStage(AbstractStage):
             return False
         if self.rollouts is not None:
             return state.best_loss >= FOUND
-        return self.fresh is None or not self._is_below(EXPLAINED, state.best_loss)
+        return self.fresh is None or not (self._is_below(EXPLAINED, state.best_loss) or self._has_freed(state.best))
 
     def anew(self, fresh: AbstractDynamics) -> "LevenbergStage":
         """The same where it begins with the best model; else from another draw of weights."""
@@ -254,9 +254,13 @@ class LevenbergStage(AbstractStage):
         """Why the stage has nothing to do, if so."""
         if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
             return "nothing left to explain"
-        if self.frees and not self.corrections & ~freed(state.best):
+        if self._has_freed(state.best):
             return "free already"
         return ""
+
+    def _has_freed(self, model: AbstractDynamics) -> bool:
+        """Whether nothing is left to set free."""
+        return self.frees and not self.corrections & ~freed(model)
 
     def _learned(
         self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], corrections: int

@@ -127,9 +127,9 @@ def _further(
 
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
-    where it might differ from place to place, they are never twice. In a regression, which is soon done, a g that is
-    not constant is asked for by another one from the untrained model on, after priors are learned in both: once M and V
-    are bent around a constant g, there is no way back.
+    where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
+    turn, if refused, are asked for once more by another one from the untrained model on, after priors are learned in
+    both: M and V may be bent around a constant g so far that there is no way back.
 
     Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
@@ -166,7 +166,7 @@ def _further(
     of = "regression: " if regression else ""
     asked = (
         ("inertia", INERTIA, _CLEAR, has(INERTIA) and fits(judged | DIRECTIONS | INERTIA)),
-        ("actuation", ACTUATION, _CLEAR, turns and not regression),
+        ("actuation", ACTUATION, _CLEAR, turns),
         ("friction", FRICTION, _CHANCE, rubs),
         ("directions", FRICTION | DIRECTIONS, _CLEAR, rubs and has(DIRECTIONS)),
     )
@@ -182,8 +182,8 @@ def _further(
         return stages
     if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
         steps, plain = (config.lm_steps + learn, config.lm_steps) if learns else (config.lm_steps, 0)
-        first = LevenbergStage(data, config, f"{of}actuation", steps, ACTUATION, margin=_CLEAR, learns=learns)
-        stages.append(dataclasses.replace(first, fresh=dynamics, plain=plain))
+        again = LevenbergStage(data, config, f"{of}actuation anew", steps, ACTUATION, margin=_CLEAR, learns=learns)
+        stages.append(dataclasses.replace(again, frees=True, fresh=dynamics, plain=plain))
     anew = functools.partial(whitened, steps=learn if learns else grow, margin=-_CLEAR, learns=learns, widens=True)
     stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
     longest = longer[-1] if longer else data
