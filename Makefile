@@ -3,8 +3,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 PYTHON ?= $(shell python3.11 -c 'print("python3.11")' 2>/dev/null || echo python3)
 CODE := $(wildcard conftest.py src tests examples benchmarks docs)
-# Two processes, whole files: tests of one file share their compiled functions. A process that crashes ends the run.
-PYTEST_ARGS ?= -n 2 --dist loadfile --max-worker-restart 0
+# Two processes, whole files: tests of one file share their compiled functions. They stay in the order of conftest.py. A
+# process that crashes ends the run.
+PYTEST_ARGS ?= -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test lint docs format fast-test slow-test coverage lock clean

@@ -51,6 +51,11 @@ hypothesis.settings.register_profile("symoden", derandomize=True, deadline=None,
 hypothesis.settings.load_profile("symoden")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the one that takes minutes, so that no worker waits for it at the end."""
+    items.sort(key=lambda item: item.path.name != "test_tutorial.py")
+
+
 @pytest.fixture(scope="module", autouse=True)
 def _few_memory_maps():
     """Forget compiled programs before the process has as many memory maps as Linux allows, where LLVM crashes."""

@@ -112,6 +112,17 @@ def test_knees_give_dry_friction_coefficients_of_its_own():
     assert np.abs(motion(freed) - motion(model)).max() > 1e-3
 
 
+def test_dry_friction_may_be_as_sharp_as_that_of_a_precise_axis():
+    friction = made(dataclasses.replace(BASE, knees=ModelConfig().knees)).friction
+    assert isinstance(friction, JointFriction)
+    still = eqx.tree_at(lambda f: f.viscous, friction, Constant(jnp.zeros(3)))
+    first = jnp.zeros((2, JointFriction.shapes(friction.knees))).at[:, 0].set(1.0)
+    dry = eqx.tree_at(lambda f: f.laws.function.values, still, first.ravel())
+    speed, q = friction.speed.value, jnp.zeros(2)
+    slow, usual = (np.diag(dry(q, v)) * v for v in (0.01 * speed, speed))
+    assert np.all(slow > 0.9 * usual)
+
+
 def test_arguments_of_build_change_the_motion():
     base = motion(made(BASE))
     units = Scales.units(Space.parse("R1 T1"), 1)

@@ -73,7 +73,7 @@ class ModelConfig:
     energy: tuple[int, ...] = (32, 32)
     flow: tuple[int, ...] = (48, 48)
     full_friction: bool = False
-    knees: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0)
+    knees: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
     activation: str | None = None
     floor: float = 0.01
     scaled: bool = True
