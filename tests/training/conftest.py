@@ -8,7 +8,7 @@ from symoden.data import Dataset, Trajectory
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig
 from symoden.systems import LinkChain, Pendulum
-from symoden.training import TrainingConfig
+from symoden.training import TrainingConfig, fit
 
 CONSTANT = BlockConfig(constant=True)
 CORRECTED = BlockConfig(hidden=(3,), constant=True)
@@ -95,3 +95,17 @@ def swings():
         return Dataset(name="swings", space="T3", train=tuple(recordings))
 
     return simulate
+
+
+@pytest.fixture(scope="session")
+def in_strides():
+    """Fit in runs of one stride, each of which resumes the one before; yields what each of at most `most` found."""
+
+    def fit_on(dataset, *, most, **settings):
+        for _ in range(most):
+            part = fit(dataset, **settings, resume=True, max_minutes=0.0)
+            yield part
+            if part.completed:
+                return
+
+    return fit_on

@@ -24,6 +24,8 @@ from symoden.training._scales import measure_scales
 from symoden.training._state import Incumbent, TrainingState
 from symoden.training._weighing import Weighing
 
+SHORT = TrainingConfig(validation=0.25, horizon=3, lm_horizon=10, lm_substeps=1)
+
 
 @pytest.fixture(scope="module")
 def turning(plain):
@@ -130,10 +132,9 @@ def regression(dataset, model, config):
 
 @pytest.fixture(scope="module")
 def searching(swings, plain):
-    config = TrainingConfig(validation=0.25, horizon=3, lm_horizon=10, lm_substeps=1)
-    dataset = hold_out(swings(count=8), config)
+    dataset = hold_out(swings(count=8), SHORT)
     model = build(plain, Space.parse("T3"), 3, key=jax.random.key(0))
-    return dataset, config, model
+    return dataset, SHORT, model
 
 
 @pytest.mark.parametrize(("yields", "loss", "skipped"), [(True, 0.05, True), (True, 0.2, False), (False, 0.05, False)])
@@ -143,11 +144,7 @@ def test_adam_looks_for_a_basin_only_where_none_is_found(yields, loss, skipped, 
     optimizer = adam_optimizer(dataclasses.replace(config, adam_steps=1))
     stage = AdamStage(data, config, "adam", 1, model, optimizer, yields=yields)
     monkeypatch.setattr("symoden.training._adam_stage.evaluate_loss", lambda *_: loss)
-    priors = Relevance.start(model, 3.0)
-    weighing = Weighing.plain(9)
-    before = TrainingState(
-        0, 0, model, priors, 1e-4, 1, weighing, model, 1.0, 0, 0, Incumbent(model, None, 0, weighing)
-    )
+    before = begun_with(model, model)._replace(memory=Relevance.start(model, 3.0))
     with jax.numpy_dtype_promotion("standard"):
         state, report = stage.advance(stage.start(before))
     assert report.finished
@@ -232,45 +229,32 @@ def test_three_links_are_found_from_random_weights(swings, plain):
     dataset = hold_out(swings(seconds=4.0, count=10), config)
     scales = measure_scales(dataset.train, Space.parse("T3"), momenta=False)
     model = build(plain, Space.parse("T3"), 3, scales=scales, input_matrix=np.eye(3), key=jax.random.key(0))
-    weighing = Weighing.plain(9)
-    before = TrainingState(0, 0, model, None, 1e-4, 1, weighing, model, 1.0, 0, 0, Incumbent(model, None, 0, weighing))
     stage = LevenbergStage(regression(dataset, model, config), config, "regression", 15)
-    state = stage.start(before)
+    state = stage.start(begun_with(model, model))
     assert state.best_loss > 1.0
     for _ in range(15):
         state, _ = stage.advance(state)
     assert state.best_loss < 0.01
 
 
-def test_a_run_that_begins_with_it_and_is_stopped_after_every_stride_gives_the_same_bits(tmp_path, swings, plain):
+def test_a_run_that_begins_with_it_and_is_stopped_after_every_stride_gives_the_same_bits(
+    tmp_path, swings, plain, in_strides
+):
     model = dataclasses.replace(plain, inverse_mass=BlockConfig(constant=True), knees=(0.1,))
-    config = TrainingConfig(
-        validation=0.25,
-        restarts=2,
-        adam_steps=1,
-        batch_size=4,
-        horizon=3,
-        lm_steps=2,
-        lm_horizon=10,
-        lm_substeps=1,
-        growth_steps=1,
-        relevance_steps=1,
+    config = dataclasses.replace(
+        SHORT, restarts=2, adam_steps=1, batch_size=4, lm_steps=2, growth_steps=1, relevance_steps=1
     )
     dataset = swings(seconds=0.5, count=8)
     whole = fit(dataset, model=model, config=config, folder=tmp_path / "whole")
-    stages, part = [], whole
-    for _ in range(20):
-        part = fit(
-            dataset,
-            model=model,
-            config=config,
-            folder=tmp_path / "parts",
-            resume=True,
-            max_minutes=0.0,
-            progress=lambda now: stages.append(now.stage),
-        )
-        if part.completed:
-            break
+    stages = []
+    *_, part = in_strides(
+        dataset,
+        most=20,
+        model=model,
+        config=config,
+        folder=tmp_path / "parts",
+        progress=lambda now: stages.append(now.stage),
+    )
     order = ["regression", *(f"regression: {name}" for name in ("friction", "directions", "relevance", "refit"))]
     assert list(dict.fromkeys(stages))[:6] == [*order, "levenberg-marquardt"]
     assert part.completed
@@ -287,17 +271,8 @@ def test_members_begin_with_it_too(monkeypatch, swings, plain):
             yield loss, model
 
     monkeypatch.setattr(_ensemble._Member, "_sought", sought)
-    config = TrainingConfig(
-        validation=0.25,
-        restarts=1,
-        adam_steps=1,
-        batch_size=4,
-        horizon=3,
-        lm_horizon=10,
-        lm_substeps=1,
-        lm_steps=3,
-        growth_steps=0,
-        relevance_steps=0,
+    config = dataclasses.replace(
+        SHORT, restarts=1, adam_steps=1, batch_size=4, lm_steps=3, growth_steps=0, relevance_steps=0
     )
     seen = []
     fit(swings(count=8), model=plain, config=config, members=2, progress=seen.append)

@@ -130,9 +130,7 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
 
     def widths(rows: np.ndarray) -> tuple:
         half = posterior.quantile(LEVEL) * np.linalg.norm(rows, axis=1)
-        ends = np.cumsum([leaf.size for leaf in values])[:-1]
-        parts = [part.reshape(leaf.shape) for part, leaf in zip(np.split(half, ends), values, strict=True)]
-        return jax.tree.unflatten(structure, parts)
+        return jax.tree.unflatten(structure, _split_like(half, values))
 
     found = widths(rows)
     inputs_alone = parts_that_fix_the_scale(model) == ("input_matrix",) and not model.momenta
@@ -156,6 +154,12 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         members=len(posterior.members) if isinstance(posterior, Ensemble) else None,
         tried=posterior.tried if isinstance(posterior, Ensemble) else None,
     )
+
+
+def _split_like(numbers: np.ndarray, leaves: Sequence[Array]) -> list[np.ndarray]:
+    """Numbers in a row, cut into arrays of these shapes."""
+    ends = np.cumsum([leaf.size for leaf in leaves])[:-1]
+    return [part.reshape(leaf.shape) for part, leaf in zip(np.split(numbers, ends), leaves, strict=True)]
 
 
 def _log_size(model: StructuredModel, states: Sequence[tuple[np.ndarray, np.ndarray]]) -> Scalar:

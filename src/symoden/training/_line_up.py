@@ -181,9 +181,19 @@ def _further(
     if not grow:
         return stages
     if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
-        steps, plain = (config.lm_steps + learn, config.lm_steps) if learns else (config.lm_steps, 0)
-        again = LevenbergStage(data, config, f"{of}actuation anew", steps, ACTUATION, margin=_CLEAR, learns=learns)
-        stages.append(dataclasses.replace(again, frees=True, fresh=dynamics, plain=plain))
+        again = LevenbergStage(
+            data,
+            config,
+            f"{of}actuation anew",
+            config.lm_steps + (learn if learns else 0),
+            ACTUATION,
+            margin=_CLEAR,
+            learns=learns,
+            frees=True,
+            fresh=dynamics,
+            plain=config.lm_steps,
+        )
+        stages.append(again)
     anew = functools.partial(whitened, steps=learn if learns else grow, margin=-_CLEAR, learns=learns, widens=True)
     stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
     longest = longer[-1] if longer else data
