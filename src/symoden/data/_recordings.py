@@ -83,9 +83,9 @@ def _trajectory(
     ts, q = log.ts[rows], _unwrapped(log, rows, is_angle)
     if log.rates is None:
         rates = estimate_velocities(ts, q, name=log.name, spans=spans)
-        gain = velocity_noise_gain(ts, spans)
+        gain, one_sided = velocity_noise_gain(ts, spans), int(max(spans)) // 2 * float(np.median(np.diff(ts)))
     else:
-        rates, gain = log.rates[rows], None
+        rates, gain, one_sided = log.rates[rows], None, 0.0
     trajectory = Trajectory(
         name=log.name,
         ts=ts,
@@ -94,6 +94,7 @@ def _trajectory(
         us=_inputs(log, rows) if description.hold == "zero" else log.us[rows],
         initial_samples=description.initial_samples,
         noise_gain=gain,
+        one_sided=one_sided,
     )
     trajectory = delay_inputs(trajectory, description.input_delay, hold=description.hold)
     if description.resample is not None:

@@ -24,6 +24,8 @@ class Trajectory:
         noise_gain: Standard deviation of the rates' noise over that of the positions' [1/s], for each coordinate or one
             for all, where the rates were estimated from the positions (`velocity_noise_gain` says it); None where they
             were measured.
+        one_sided: Time at either end in which estimated rates had samples on one side alone [s]; 0 where they were
+            measured.
 
     Example:
         >>> import numpy as np
@@ -40,6 +42,7 @@ class Trajectory:
     us: np.ndarray
     initial_samples: int = 1
     noise_gain: np.ndarray | float | None = None  # (n,) once made
+    one_sided: float = 0.0
 
     def __post_init__(self) -> None:
         """Copy the arrays, and refuse what is no recording.

@@ -33,11 +33,10 @@ _SHORTEST = 3
 _FEWEST_STEPS = 8  # Under a bump, or the trapezoidal rule errs too much.
 _FEWEST = 20  # Of them, or they stay as they are.
 _MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
+_MOST_LEFT_OUT = 0.05  # Share of a recording that its ends may be.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
 _NAMED = 3
-_FAR = (
-    0.1  # Share of a loss that chance does not take it to, where so many windows and so large a share of them say so.
-)
+_FAR = 0.1  # Share of a loss that chance does not take it to, where so many and so large a share of windows say so.
 _FEW, _MOSTLY = 3, 0.75
 _LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
 
@@ -100,7 +99,7 @@ def _is_far_below(losses: Float[np.ndarray, " W"], others: Float[np.ndarray, " W
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
-    """Split validation recordings off, the same as `fit` does.
+    """Split validation recordings off, and leave ends out whose velocities are poor, the same as `fit` does.
 
     Args:
         dataset: Recordings.
@@ -109,10 +108,20 @@ def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
     Returns:
         The data set with its validation part.
     """
-    if not config.validation:
-        return dataset
-    longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
-    return split_validation(dataset, config.validation, min_samples=longest + 1)
+    if config.validation:
+        longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
+        dataset = split_validation(dataset, config.validation, min_samples=longest + 1)
+    return dataclasses.replace(dataset, train=tuple(map(_inner, dataset.train)))
+
+
+def _inner(recording: Trajectory) -> Trajectory:
+    """A long recording without the ends where the fits that estimate its rates see one side alone."""
+    # A motion that an input sets off at once bends most there: of a joint with an elastic gear, four windows in 108
+    # began in these samples and made 92 % of the loss.
+    edge = int(np.searchsorted(recording.ts - recording.ts[0], recording.one_sided * (1 - 1e-9)))
+    if 2 * edge > _MOST_LEFT_OUT * len(recording):
+        return recording
+    return recording.cut(edge, len(recording) - edge, name=recording.name)
 
 
 def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
