@@ -22,6 +22,7 @@ from symoden.blocks import (
     KnownValue,
     Network,
     NoFriction,
+    Polynomial,
     ViscousFriction,
     count_parameters,
     trainable,
@@ -48,8 +49,8 @@ def motion(model):
     return jax.jvp(model.observe, (state,), (model.derivative(jnp.zeros(()), state, u),))[1]
 
 
-def test_blocks_start_from_harmonics_on_angles_and_from_a_constant_or_a_network_on_lengths():
-    """Corrections are silent and frozen; on lengths alone M⁻¹ is a constant, and the network of V is free."""
+def test_blocks_start_from_harmonics_on_angles_and_from_a_constant_or_a_polynomial_on_lengths():
+    """Corrections are silent and frozen; on lengths alone M⁻¹ is a constant."""
     harmonic = BlockConfig(hidden=(5,), harmonics=True)
     config = dataclasses.replace(BASE, inverse_mass=harmonic, potential=harmonic)
     model = made(config)
@@ -63,8 +64,16 @@ def test_blocks_start_from_harmonics_on_angles_and_from_a_constant_or_a_network_
     assert count_parameters(made(bare)) < count_parameters(model)
     sliding = made(config, space="R2")
     assert [type(term) for term in sliding.inverse_mass.function.terms] == [Constant, Correction]
-    assert isinstance(sliding.potential.function, Network)
-    assert isinstance(made(bare, space="R2").potential.function, Harmonics)
+    assert [type(term) for term in sliding.potential.function.terms] == [Polynomial, Correction]
+    assert isinstance(made(bare, space="R2").potential.function, Polynomial)
+
+
+@pytest.mark.parametrize(("space", "degree"), [("R1", 4), ("R12", 4), ("R13", 3), ("R20", 3), ("R21", 2)])
+def test_polynomials_of_many_lengths_stay_few(space, degree):
+    config = dataclasses.replace(BASE, potential=BlockConfig(harmonics=True))
+    function = made(config, space=space).potential.function
+    assert function.degree == degree
+    assert function.weights.size <= 2000
 
 
 @pytest.mark.parametrize(("space", "orders"), [("T2", (2, 2)), ("T3", (3, 3)), ("T4", (2, 3)), ("R1 T5", (1, 1, 3))])

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, NETWORKS, count_parameters
+from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, NETWORKS, POTENTIAL, count_parameters
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _data, _levenberg_stage
@@ -112,7 +112,7 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
     stages = [s for s in line_up(pendulum(samples=400), model, [model], config) if isinstance(s, LevenbergStage)]
     both = FRICTION | DIRECTIONS
-    kinds = [0, ACTUATION, FRICTION, both, FRICTION, FRICTION, FRICTION, FRICTION, FRICTION | NETWORKS]
+    kinds = [0, ACTUATION, FRICTION, both, *[FRICTION] * 4, FRICTION | NETWORKS | POTENTIAL]
     names = [
         "actuation",
         "friction",

@@ -43,6 +43,7 @@ from ._functions import (
     FRICTION as FRICTION,
     INERTIA as INERTIA,
     NETWORKS as NETWORKS,
+    POTENTIAL as POTENTIAL,
     AbstractFunction as AbstractFunction,
     Constant as Constant,
     Correction as Correction,
@@ -53,6 +54,7 @@ from ._functions import (
 from ._harmonics import Harmonics as Harmonics, products as products
 from ._known import Known as Known
 from ._links import Links as Links, LinksBlock as LinksBlock
+from ._polynomial import Polynomial as Polynomial, monomials as monomials
 from ._trainable import (
     count_active as count_active,
     count_parameters as count_parameters,
@@ -75,6 +77,7 @@ __all__ = [
     "INERTIA",
     "NETWORKS",
     "ODD_SHAPES",
+    "POTENTIAL",
     "AbstractBlock",
     "AbstractFriction",
     "AbstractFunction",
@@ -103,6 +106,7 @@ __all__ = [
     "NoFriction",
     "Parameters",
     "Perceptron",
+    "Polynomial",
     "ScalarBlock",
     "Sum",
     "ViscousFriction",
@@ -112,6 +116,7 @@ __all__ = [
     "inverse_of_positive",
     "kinds_in_use",
     "lower_triangle",
+    "monomials",
     "products",
     "trainable",
     "with_parameters",

@@ -46,7 +46,9 @@ NETWORKS = 8
 """Networks, which can be anything."""
 INERTIA = 16
 """Those by which the inertia depends on lengths."""
-CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS | INERTIA
+POTENTIAL = 32
+"""Networks by which the potential energy of lengths is no polynomial."""
+CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS | INERTIA | POTENTIAL
 """All kinds of corrections."""
 
 _WAVES = 2.0  # Spread of the first frequencies of a network of sines, relative to the inputs' scale.
@@ -181,8 +183,10 @@ class Correction(AbstractFunction):
         Raises:
             ValueError: If `kind` is no flag, or several.
         """
-        if self.kind not in (FRICTION, DIRECTIONS, ACTUATION, NETWORKS, INERTIA):
-            raise ValueError(f"`kind` must be FRICTION, DIRECTIONS, ACTUATION, NETWORKS or INERTIA; got {self.kind}.")
+        if self.kind not in (FRICTION, DIRECTIONS, ACTUATION, NETWORKS, INERTIA, POTENTIAL):
+            raise ValueError(
+                f"`kind` must be FRICTION, DIRECTIONS, ACTUATION, NETWORKS, INERTIA or POTENTIAL; got {self.kind}."
+            )
 
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""

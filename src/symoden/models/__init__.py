@@ -1,7 +1,7 @@
 """The paper's five models, composed of blocks."""
 
 from ._baselines import GeometricModel as GeometricModel, NaiveModel as NaiveModel
-from ._build import build as build
+from ._build import awaken as awaken, build as build
 from ._config import KINDS as KINDS, BlockConfig as BlockConfig, Kind as Kind, ModelConfig as ModelConfig
 from ._embedded import embedded_vector_field as embedded_vector_field
 from ._files import load as load, save as save
@@ -28,6 +28,7 @@ __all__ = [
     "Scales",
     "StructuredModel",
     "UnstructuredModel",
+    "awaken",
     "build",
     "check_known",
     "embedded_vector_field",

@@ -13,7 +13,9 @@ from symoden.blocks import (
     DIRECTIONS,
     FRICTION,
     INERTIA,
+    NETWORKS,
     ODD_SHAPES,
+    POTENTIAL,
     AbstractBlock,
     AbstractFriction,
     AbstractFunction,
@@ -31,10 +33,12 @@ from symoden.blocks import (
     Network,
     NoFriction,
     Perceptron,
+    Polynomial,
     ScalarBlock,
     Sum,
     ViscousFriction,
     identity_triangle,
+    monomials,
     products,
 )
 from symoden.known import KnownParts
@@ -50,7 +54,8 @@ from ._unstructured import UnstructuredModel
 
 _BODIES = 3  # Rows of the Jacobian for each coordinate; with two, one start in four ended in a poor minimum.
 _SPREAD = 0.3  # Of the harmonics' first weights; with 0.1, one start in four did.
-_MOST_WEIGHTS = 2000  # Of a block's harmonics: a step of Levenberg-Marquardt costs the square of their number.
+_DEGREES = (4, 3, 2)  # Of the polynomial in lengths that V starts from: the first that leaves few enough weights.
+_MOST_WEIGHTS = 2000  # Of what a block starts from: a step of Levenberg-Marquardt costs the square of their number.
 
 
 def build(
@@ -126,6 +131,29 @@ def build(
             return model if known is None else insert_known(model, known, maker.corrections(jax.random.fold_in(key, 4)))
 
 
+def awaken(model: AbstractDynamics, *, key: PRNGKeyArray) -> AbstractDynamics:
+    """Draw the network that corrects a V of lengths, which starts at zero: Adam finds no way from there.
+
+    Args:
+        model: An untrained model.
+        key: Source of the weights.
+
+    Returns:
+        The model with such networks drawn; itself if it has none.
+    """
+
+    def drawn(node: object) -> object:
+        if not isinstance(node, Correction) or node.kind != POTENTIAL or not isinstance(node.function, Network):
+            return node
+        silent = node.function.perceptron
+        sizes = (len(silent.weights[0]), *(len(bias) for bias in silent.biases))
+        standard = {"center": np.asarray(silent.center.array), "scale": np.asarray(silent.scale.array)}
+        perceptron = Perceptron.init(sizes, activation=silent.activation, **standard, key=key)
+        return Correction(Network(node.function.space, perceptron), kind=node.kind)
+
+    return jax.tree.map(drawn, model, is_leaf=lambda node: isinstance(node, Correction))
+
+
 def _refuse_unused(config: ModelConfig, known: KnownParts) -> None:
     """Refuse parts that the kind of model does not have."""
     if config.kind not in ("dissipative", "symoden"):
@@ -156,7 +184,7 @@ class _Maker:
     def inverse_mass(self, key: PRNGKeyArray) -> AbstractBlock:
         """M⁻¹, near the identity in natural units at the start unless the data's units are used."""
         n = self.space.size
-        if self._is_harmonic(self.config.inverse_mass):
+        if self.config.inverse_mass.harmonics and any(self.space.is_angle):
             rows = _BODIES * n
             jacobian = self._function(
                 self.config.inverse_mass, rows * n, base=np.eye(rows, n).ravel(), powers=0, key=key
@@ -177,9 +205,9 @@ class _Maker:
 
     def potential(self, key: PRNGKeyArray) -> ScalarBlock:
         """V."""
-        return ScalarBlock(
-            function=self._function(self.config.potential, 1, key=key), scale=Known.of(self.scales.energy)
-        )
+        kind = NETWORKS if any(self.space.is_angle) else POTENTIAL
+        function = self._function(self.config.potential, 1, kind=kind, key=key)
+        return ScalarBlock(function=function, scale=Known.of(self.scales.energy))
 
     def actuation(self, key: PRNGKeyArray) -> AbstractBlock:
         """The g that was given, or a learned one."""
@@ -277,10 +305,6 @@ class _Maker:
         activation = self.config.activation or ("silu" if any(self.space.is_angle) else "sin")
         return Perceptron.init(sizes, activation=activation, **standard, key=key)
 
-    def _is_harmonic(self, config: BlockConfig) -> bool:
-        """Whether a block starts from harmonics; without angles there are none."""
-        return config.harmonics and bool(any(self.space.is_angle) or not config.hidden)
-
     def _function(
         self,
         config: BlockConfig,
@@ -288,21 +312,33 @@ class _Maker:
         *,
         base: np.ndarray | float | None = None,
         powers: int = 2,
+        kind: int = NETWORKS,
         key: PRNGKeyArray,
     ) -> AbstractFunction:
-        """Coefficients of a block; a `base` is what a constant starts from, `powers` those of lengths in harmonics."""
+        """Coefficients of a block, a network beside them being a correction of some kind."""
+        # A `base` is what a constant starts from; `powers` are those of lengths in harmonics.
         start: AbstractFunction = Constant(jnp.broadcast_to(jnp.asarray(0.0 if base is None else base, float), (size,)))
-        if self._is_harmonic(config):
-            harmonics = self._harmonics(size, powers=powers, spread=_SPREAD, key=jax.random.fold_in(key, 0))
-            start = eqx.tree_at(lambda h: h.weights, harmonics, harmonics.weights.at[0].set(start.values))
+        if config.harmonics:
+            terms = (
+                self._harmonics(size, powers=powers, spread=_SPREAD, key=jax.random.fold_in(key, 0))
+                if any(self.space.is_angle)
+                else self._polynomial(size)
+            )
+            start = eqx.tree_at(lambda terms: terms.weights, terms, terms.weights.at[0].set(start.values))
         if not config.hidden:
             return start
         perceptron = self._perceptron(self._standard(), config.hidden, size, key=key)
-        if config.constant or self._is_harmonic(config):
-            return Sum((start, Correction(Network(self.space, _silenced(perceptron)))))
+        if config.constant or config.harmonics:
+            return Sum((start, Correction(Network(self.space, _silenced(perceptron)), kind=kind)))
         if base is not None and self.config.scaled:
             return Sum((start, Network(self.space, perceptron)))
         return Network(self.space, perceptron)
+
+    def _polynomial(self, size: int) -> Polynomial:
+        """Monomials of lengths, of a degree that leaves few weights."""
+        counts = {degree: size * monomials(self.space.size, degree) for degree in _DEGREES}
+        degree = next((degree for degree, count in counts.items() if count <= _MOST_WEIGHTS), _DEGREES[-1])
+        return Polynomial.init(size, degree=degree, **self._standard())
 
     def _also_sliding(self, function: AbstractFunction, size: int, *, key: PRNGKeyArray) -> Sum:
         """Products with lengths are another correction: along most lengths the inertia stays as it is."""

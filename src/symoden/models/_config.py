@@ -20,7 +20,7 @@ class BlockConfig:
         harmonics: On a space with angles, start likewise from products of their first harmonics and of low powers of
             lengths, as rigid bodies on joints have them: of up to three factors, on more than three coordinates of as
             many as leave a block below 2000 numbers. On lengths alone M⁻¹ starts from a constant, since what slides has
-            one, and the network of any other block is free from the start.
+            one, and any other block from a polynomial of degree 4, or of a lower one on many coordinates.
     """
 
     hidden: tuple[int, ...] = ()

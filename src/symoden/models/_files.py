@@ -31,6 +31,7 @@ _MODULES: dict[str, type[eqx.Module]] = {
         blocks.Perceptron,
         blocks.Network,
         blocks.Harmonics,
+        blocks.Polynomial,
         blocks.Constant,
         blocks.Correction,
         blocks.Sum,

@@ -16,7 +16,7 @@ from symoden.mechanics import AbstractDynamics
 from ._adam import AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._data import Data
-from ._flatten import Flattening, cast
+from ._flatten import Flattening, cast, freed
 from ._relevance import Relevance
 from ._residuals import evaluate_loss
 from ._stages import FOUND, AbstractStage
@@ -60,7 +60,7 @@ class AdamStage(AbstractStage):
         dtype = self.data.train.q.dtype
         model = cast(self.fresh, dtype)
         lean = without_silent(model)
-        memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=0)))
+        memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=self._kinds)))
         best, loss, known = cast(state.best, dtype), state.best_loss, state.memory
         if isinstance(known, Relevance):  # A regression's loss is no rollout's.
             loss = evaluate_loss(best, self.data.objective, self.data.judged)
@@ -75,13 +75,13 @@ class AdamStage(AbstractStage):
         if known and state.step == 0:
             state = state._replace(model=state.best, memory=state.incumbent.memory)
             return state, Report(state.best_loss, state.best_loss, finished=True, outcome="found already")
-        restore, theta = Flattening.of(state.model, corrections=0, dtype=self.data.train.q.dtype)
+        restore, theta = Flattening.of(state.model, corrections=self._kinds, dtype=self.data.train.q.dtype)
         lean = without_silent(state.model)
-        free, fixed = eqx.partition(lean, trainable(lean, corrections=0))
+        free, fixed = eqx.partition(lean, trainable(lean, corrections=self._kinds))
         steps = min(_CHUNK, self.steps - state.step)
         before = AdamState(free, state.memory, jnp.asarray(state.step))
         after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self.optimizer, steps=steps)
-        model = restore(Flattening.of(eqx.combine(after.free, fixed), corrections=0, dtype=theta.dtype)[1])
+        model = restore(Flattening.of(eqx.combine(after.free, fixed), corrections=self._kinds, dtype=theta.dtype)[1])
         validation = self.data.validation_loss(model, self.data.objective)
         state = state._replace(step=state.step + steps, model=model, memory=after.optimizer)
         finite = np.asarray(losses)[np.isfinite(losses)]  # The others were skipped.
@@ -97,6 +97,11 @@ class AdamStage(AbstractStage):
     def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
         """As it is."""
         return state, ""
+
+    @functools.cached_property
+    def _kinds(self) -> int:
+        """Corrections that do not begin at zero, and so are trained."""
+        return freed(self.fresh)
 
     @functools.cached_property
     def _sampler(self) -> Sampler:

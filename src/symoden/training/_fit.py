@@ -10,10 +10,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from symoden.blocks import ACTUATION, INERTIA, count_parameters, trainable
+from symoden.blocks import ACTUATION, INERTIA, POTENTIAL, count_parameters, trainable
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
-from symoden.models import ModelConfig, build, check_known, save
+from symoden.models import ModelConfig, awaken, build, check_known, save
 from symoden.spaces import Space
 
 from ._adam_stage import AdamStage
@@ -146,7 +146,8 @@ def fit(
             save(folder / MODEL, best)
         if members and completed:
             fresh = _builder(hold_out(dataset, config), model, config)
-            pattern = _pattern(stages, state, lambda number: fresh(config.restarts + number))
+            awake = bool(freed(best) & POTENTIAL)
+            pattern = _pattern(stages, state, lambda number: fresh(config.restarts + number, awake=awake))
             ensemble = train_members(
                 pattern, members, path=journal.ensemble, resume=resume, watch=watch, progress=progress
             )
@@ -172,8 +173,10 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     dataset = hold_out(dataset, config)
     fresh = _builder(dataset, model, config)
     dynamics = fresh(0)
-    candidates = [fresh(number) for number in range(config.restarts if config.adam_steps else 0)]
-    drawn = (eqx.filter(each, trainable(each, corrections=0)) for each in (dynamics, fresh(1)))
+    restarts = config.restarts if config.adam_steps else 0
+    candidates = [fresh(number, awake=number > 0) for number in range(restarts)]  # First a V that is a polynomial.
+    drawn = (fresh(number, awake=True) for number in range(2))
+    drawn = (eqx.filter(each, trainable(each, corrections=freed(each))) for each in drawn)
     if config.lm_steps and eqx.tree_equal(*drawn):
         candidates = []  # Nothing is: from a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
     if not count_parameters(dynamics):
@@ -206,8 +209,8 @@ def _rated(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingSta
     return stage.rated(state)
 
 
-def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[[int], AbstractDynamics]:
-    """What makes untrained models from the number of a draw."""
+def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:
+    """What makes untrained models from the number of a draw, networks of V awake or not (see `awaken`)."""
     space = Space.parse(dataset.space)
     if dataset.known is not None:
         check_known(dataset.known, space, dataset.inputs, *states(dataset.train, momenta=dataset.momenta))
@@ -217,8 +220,9 @@ def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Ca
             dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix, known=dataset.known
         )
 
-    def fresh(number: int) -> AbstractDynamics:
-        return build(
+    def fresh(number: int, *, awake: bool = False) -> AbstractDynamics:
+        key = jax.random.fold_in(jax.random.key(config.seed), number)
+        drawn = build(
             model,
             space,
             dataset.inputs,
@@ -226,8 +230,9 @@ def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Ca
             scales=scales,
             input_matrix=dataset.input_matrix,
             known=dataset.known,
-            key=jax.random.fold_in(jax.random.key(config.seed), number),
+            key=key,
         )
+        return awaken(drawn, key=jax.random.fold_in(key, 1)) if awake else drawn
 
     return fresh
 
@@ -244,7 +249,8 @@ def _pattern(
     first: dict[type[AbstractStage], AbstractStage] = {}
     for stage in stages:
         if isinstance(stage, LevenbergStage) and stage.regresses:
-            first.setdefault(LevenbergStage, dataclasses.replace(stage, corrections=kinds & (ACTUATION | INERTIA)))
+            asked = kinds & (ACTUATION | INERTIA | POTENTIAL)
+            first.setdefault(LevenbergStage, dataclasses.replace(stage, corrections=asked))
         elif isinstance(stage, AdamStage):
             first.setdefault(AdamStage, stage)
     return Pattern(fresh, tuple(first.values()), dataclasses.replace(last, corrections=kinds), state)

@@ -4,11 +4,12 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final, final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import DIRECTIONS, FRICTION
+from symoden.blocks import DIRECTIONS, FRICTION, Correction, Network
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
@@ -138,7 +139,13 @@ class LevenbergStage(AbstractStage):
         restore, theta = self._flattened(state.model, state.incumbent.model)
         before = LevenbergState(theta, state.damping)
         after, step = self.step(
-            before, restore, self.data.train, substeps=substeps, weighing=state.weighing, priors=state.memory
+            before,
+            restore,
+            self.data.train,
+            substeps=substeps,
+            weighing=state.weighing,
+            priors=state.memory,
+            mean=_drawn(state.incumbent.model, restore.corrections) if self.frees else 0.0,
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
@@ -343,3 +350,17 @@ class LevenbergStage(AbstractStage):
         fine = math.isfinite(loss) and error <= 0.01 * loss
         finer = not fine and state.substeps < _MOST_SUBSTEPS
         return 2 * state.substeps if finer else state.substeps
+
+
+def _drawn(model: AbstractDynamics, corrections: int) -> Float[np.ndarray, " P"]:
+    """Middle of the priors of what is free: where networks that are still zero were drawn, else zero."""
+
+    # As long as its last layer is zero the data tell nothing of a network's others, and a prior about zero would take
+    # these there in one step, from where there is no way back.
+    def middle(node: object) -> object:
+        network = node.function if isinstance(node, Correction) else None
+        silent = isinstance(network, Network) and not np.any(np.asarray(network.perceptron.weights[-1]))
+        return node if silent else jax.tree.map(jnp.zeros_like, node)
+
+    middles = jax.tree.map(middle, model, is_leaf=lambda node: isinstance(node, Correction))
+    return np.asarray(Flattening.of(middles, corrections=corrections)[1])

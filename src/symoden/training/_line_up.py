@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, INERTIA, NETWORKS, count_parameters
+from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, INERTIA, NETWORKS, POTENTIAL, count_parameters
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
@@ -18,6 +18,7 @@ from ._adam import adam
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import LONGER, Data, adam_data, levenberg_data, longer_data, name_short, name_thinned, regression_data
+from ._flatten import freed
 from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
@@ -44,8 +45,8 @@ def line_up(
     free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
     weak = regression_data(dataset, dynamics, config) if free and _can_regress(dynamics, config) else None
-    many = dynamics.space.size >= _MANY
-    if weak is not None and many:
+    first = dynamics.space.size >= _MANY
+    if weak is not None and first:
         stages.extend(_regression(dynamics, weak, config))
     if candidates and free:
         data, optimizer = adam_data(dataset, dynamics, config), adam_optimizer(config)
@@ -53,10 +54,18 @@ def line_up(
         count = len(candidates)
         names = [f"adam {k + 1} of {count}" for k in range(count)] if count > 1 else ["adam"]
         stages.extend(
-            AdamStage(data, config, name, config.adam_steps, fresh, optimizer, yields=weak is not None and many)
+            AdamStage(
+                data,
+                config,
+                name,
+                config.adam_steps,
+                fresh,
+                optimizer,
+                yields=(weak is not None and first) or bool(freed(fresh) & POTENTIAL),
+            )
             for name, fresh in zip(names, candidates, strict=True)
         )
-        if weak is not None and not many and config.scaled_loss:
+        if weak is not None and not first and config.scaled_loss:
             stages.extend(_regression(dynamics, weak, config, data, after=len(stages)))
     if config.lm_steps:
         data = levenberg_data(dataset, dynamics, config)
@@ -65,7 +74,7 @@ def line_up(
         if free:
             guess = dynamics if weak is not None and not candidates else None
             stages.append(
-                LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess, widens=not many)
+                LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess, widens=not first)
             )
         stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
     return stages
@@ -85,8 +94,8 @@ def _regression(
     """Regression of the equations of motion in weak form: nearly linear, it needs no good start.
 
     On three coordinates and more it comes before Adam, and saves it. On fewer Adam does as well, and tells friction
-    better; but where noise hides what moves in Adam's short windows, it ends on a plateau, with a mass so large that
-    nothing matters. Then the regression begins anew.
+    better; but where noise hides what moves in Adam's short windows, it ends on a plateau, with a
+    mass so large that nothing matters. Then the regression begins anew.
 
     Returns:
         The stages.
@@ -123,13 +132,16 @@ def _further(
     *,
     regression: bool = False,
 ) -> list[LevenbergStage]:
-    """Corrections: what inertia and inputs depend on, friction's laws, directions, what of that is needed, networks.
+    """Corrections: of inertia, inputs and V; friction's laws, directions, what of all that is needed, networks.
 
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
     where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
     turn, if refused, are asked for once more by another one from the untrained model on, after priors are learned in
     both: M and V may be bent around a constant g so far that there is no way back.
+
+    The same goes for a V of lengths that is no polynomial: its network is the first to be asked for. On angles networks
+    come last, since harmonics hold what rigid bodies have.
 
     Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
@@ -145,7 +157,8 @@ def _further(
     full.
 
     More than `MOST_PARAMETERS` are too many: networks and harmonics of g then stay closed, and priors as wide as they
-    are. In a regression networks stay closed too, and on one or two coordinates friction's laws.
+    are. In a regression networks stay closed too, but for V's on lengths, and friction's laws on fewer than three
+    coordinates.
 
     Returns:
         The stages.
@@ -167,6 +180,7 @@ def _further(
     asked = (
         ("inertia", INERTIA, _CLEAR, has(INERTIA) and fits(judged | DIRECTIONS | INERTIA)),
         ("actuation", ACTUATION, _CLEAR, turns),
+        ("potential", POTENTIAL, _CLEAR, has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)),
         ("friction", FRICTION, _CHANCE, rubs),
         ("directions", FRICTION | DIRECTIONS, _CLEAR, rubs and has(DIRECTIONS)),
     )
@@ -199,6 +213,7 @@ def _further(
     longest = longer[-1] if longer else data
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
-    if not regression and has(NETWORKS) and fits(judged | NETWORKS):
-        stages.append(LevenbergStage(longest, config, "growth", grow, judged | NETWORKS, margin=_CLEAR))
+    networks = NETWORKS | POTENTIAL
+    if not regression and has(networks) and fits(judged | networks):
+        stages.append(LevenbergStage(longest, config, "growth", grow, judged | networks, margin=_CLEAR))
     return stages
