@@ -58,6 +58,7 @@ from ._polynomial import Polynomial as Polynomial, monomials as monomials
 from ._trainable import (
     count_active as count_active,
     count_parameters as count_parameters,
+    is_silent as is_silent,
     kinds_in_use as kinds_in_use,
     trainable as trainable,
     without_silent as without_silent,
@@ -114,6 +115,7 @@ __all__ = [
     "count_parameters",
     "identity_triangle",
     "inverse_of_positive",
+    "is_silent",
     "kinds_in_use",
     "lower_triangle",
     "monomials",

@@ -44,20 +44,30 @@ def without_silent(model: PyTree, *, corrections: int = 0) -> PyTree:
         A model of the same values. The parameters of these kinds are the same ones in the same order.
     """
 
+    def stays(term: AbstractFunction) -> bool:
+        return isinstance(term, Correction) and bool(term.kind & corrections)
+
     def lean(node: object) -> object:
         if not isinstance(node, Sum):
             return node
-        terms = tuple(term for term in node.terms if not _is_silent(term, corrections))
+        terms = tuple(term for term in node.terms if stays(term) or not is_silent(term))
         return terms[0] if len(terms) == 1 else Sum(terms)
 
     return jax.tree.map(lean, model, is_leaf=lambda node: isinstance(node, Sum))
 
 
-def _is_silent(term: AbstractFunction, corrections: int) -> bool:
-    """Whether a term is a correction of none of these kinds, and zero everywhere."""
-    if not isinstance(term, Correction) or term.kind & corrections:
+def is_silent(node: object) -> bool:
+    """Whether a part of a model is a correction by a network or by harmonics, and zero everywhere.
+
+    Args:
+        node: Anything.
+
+    Returns:
+        Whether its last layer, or all its weights, are zero.
+    """
+    if not isinstance(node, Correction):
         return False
-    match term.function:
+    match node.function:
         case Network(perceptron=last):
             numbers = (last.weights[-1], last.biases[-1])
         case Harmonics(weights=weights):

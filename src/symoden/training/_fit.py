@@ -1,6 +1,7 @@
 """Fit a model to recordings: Adam finds the basin, Levenberg-Marquardt reaches the bottom."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -145,9 +146,7 @@ def fit(
         if folder is not None:
             save(folder / MODEL, best)
         if members and completed:
-            fresh = _builder(hold_out(dataset, config), model, config)
-            awake = bool(freed(best) & POTENTIAL)
-            pattern = _pattern(stages, state, lambda number: fresh(config.restarts + number, awake=awake))
+            pattern = _pattern(stages, state, _builder(hold_out(dataset, config), model, config), config)
             ensemble = train_members(
                 pattern, members, path=journal.ensemble, resume=resume, watch=watch, progress=progress
             )
@@ -175,9 +174,8 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     dynamics = fresh(0)
     restarts = config.restarts if config.adam_steps else 0
     candidates = [fresh(number, awake=number > 0) for number in range(restarts)]  # First a V that is a polynomial.
-    drawn = (fresh(number, awake=True) for number in range(2))
-    drawn = (eqx.filter(each, trainable(each, corrections=freed(each))) for each in drawn)
-    if config.lm_steps and eqx.tree_equal(*drawn):
+    awake = (fresh(number, awake=True) for number in range(2))
+    if config.lm_steps and eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake)):
         candidates = []  # Nothing is: from a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
     if not count_parameters(dynamics):
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
@@ -238,9 +236,12 @@ def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Ca
 
 
 def _pattern(
-    stages: Sequence[AbstractStage], state: TrainingState, fresh: Callable[[int], AbstractDynamics]
+    stages: Sequence[AbstractStage],
+    state: TrainingState,
+    fresh: Callable[..., AbstractDynamics],
+    config: TrainingConfig,
 ) -> Pattern:
-    """How members are trained: as the stage did that the best model came from."""
+    """How members are trained: as the stage did that the best model came from, from draws after Adam's."""
     last = stages[state.origin]
     if not isinstance(last, LevenbergStage) or last.regresses:
         raise TypeError("The best model must come from Levenberg-Marquardt on rollouts.")
@@ -253,4 +254,6 @@ def _pattern(
             first.setdefault(LevenbergStage, dataclasses.replace(stage, corrections=asked))
         elif isinstance(stage, AdamStage):
             first.setdefault(AdamStage, stage)
-    return Pattern(fresh, tuple(first.values()), dataclasses.replace(last, corrections=kinds), state)
+    draw = functools.partial(fresh, awake=bool(freed(state.best) & POTENTIAL))
+    last = dataclasses.replace(last, corrections=kinds)
+    return Pattern(lambda number: draw(config.restarts + number), tuple(first.values()), last, state)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import DIRECTIONS, FRICTION, Correction, Network
+from symoden.blocks import DIRECTIONS, FRICTION, is_silent
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
@@ -354,13 +354,9 @@ class LevenbergStage(AbstractStage):
 
 def _drawn(model: AbstractDynamics, corrections: int) -> Float[np.ndarray, " P"]:
     """Middle of the priors of what is free: where networks that are still zero were drawn, else zero."""
-
     # As long as its last layer is zero the data tell nothing of a network's others, and a prior about zero would take
     # these there in one step, from where there is no way back.
-    def middle(node: object) -> object:
-        network = node.function if isinstance(node, Correction) else None
-        silent = isinstance(network, Network) and not np.any(np.asarray(network.perceptron.weights[-1]))
-        return node if silent else jax.tree.map(jnp.zeros_like, node)
-
-    middles = jax.tree.map(middle, model, is_leaf=lambda node: isinstance(node, Correction))
+    middles = jax.tree.map(
+        lambda node: node if is_silent(node) else jax.tree.map(jnp.zeros_like, node), model, is_leaf=is_silent
+    )
     return np.asarray(Flattening.of(middles, corrections=corrections)[1])

@@ -94,8 +94,8 @@ def _regression(
     """Regression of the equations of motion in weak form: nearly linear, it needs no good start.
 
     On three coordinates and more it comes before Adam, and saves it. On fewer Adam does as well, and tells friction
-    better; but where noise hides what moves in Adam's short windows, it ends on a plateau, with a
-    mass so large that nothing matters. Then the regression begins anew.
+    better; but where noise hides what moves in Adam's short windows, it ends on a plateau, with a mass so large that
+    nothing matters. Then the regression begins anew.
 
     Returns:
         The stages.
@@ -137,8 +137,7 @@ def _further(
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
     where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
-    turn, if refused, are asked for once more by another one from the untrained model on, after priors are learned in
-    both: M and V may be bent around a constant g so far that there is no way back.
+    turn, if refused, are asked for once more (`_actuation_anew`).
 
     The same goes for a V of lengths that is no polynomial: its network is the first to be asked for. On angles networks
     come last, since harmonics hold what rigid bodies have.
@@ -195,19 +194,7 @@ def _further(
     if not grow:
         return stages
     if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
-        again = LevenbergStage(
-            data,
-            config,
-            f"{of}actuation anew",
-            config.lm_steps + (learn if learns else 0),
-            ACTUATION,
-            margin=_CLEAR,
-            learns=learns,
-            frees=True,
-            fresh=dynamics,
-            plain=config.lm_steps,
-        )
-        stages.append(again)
+        stages.append(_actuation_anew(dynamics, data, config, learns=learns))
     anew = functools.partial(whitened, steps=learn if learns else grow, margin=-_CLEAR, learns=learns, widens=True)
     stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
     longest = longer[-1] if longer else data
@@ -217,3 +204,20 @@ def _further(
     if not regression and has(networks) and fits(judged | networks):
         stages.append(LevenbergStage(longest, config, "growth", grow, judged | networks, margin=_CLEAR))
     return stages
+
+
+def _actuation_anew(dynamics: AbstractDynamics, data: Data, config: TrainingConfig, *, learns: bool) -> LevenbergStage:
+    """Inputs that turn, by another regression from the untrained model on, after priors are learned in both."""
+    # M and V may be bent around a constant g so far that there is no way back.
+    return LevenbergStage(
+        data,
+        config,
+        "regression: actuation anew",
+        config.lm_steps + (config.relevance_steps if learns else 0),
+        ACTUATION,
+        margin=_CLEAR,
+        learns=learns,
+        frees=True,
+        fresh=dynamics,
+        plain=config.lm_steps,
+    )
