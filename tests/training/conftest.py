@@ -1,4 +1,6 @@
-"""Recordings of a damped pendulum and of a chain, and settings that train in a moment."""
+"""Recordings of a damped pendulum, of a chain and of any motion, and settings that train in a moment."""
+
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -57,6 +59,12 @@ def quick():
 
 
 @pytest.fixture(scope="session")
+def second_order():
+    """Levenberg-Marquardt, then all that is asked for one after the other, on rollouts of 0.4 s."""
+    return TrainingConfig(adam_steps=0, lm_steps=10, growth_steps=12, relevance_steps=0, lm_horizon=20, lm_substeps=2)
+
+
+@pytest.fixture(scope="session")
 def pendulum():
     """Simulate recordings of a damped pendulum."""
 
@@ -93,6 +101,30 @@ def swings():
             parts = {"ts": ts, "q": np.asarray(path.q), "rates": np.asarray(path.rates), "us": us}
             recordings.append(Trajectory(name=f"swing{k}", **parts))
         return Dataset(name="swings", space="T3", train=tuple(recordings))
+
+    return simulate
+
+
+@pytest.fixture(scope="session")
+def driven():
+    """Simulate four recordings, 6 s each, of something under smooth forces, by midpoint steps of 2 ms."""
+    step, fine = 0.02, 10
+
+    def simulate(accelerate, start, *, space, amplitude: Any = 1.0, paces=(1.0, 4.0), noise=0.0, **parts):
+        generator, recordings, h = np.random.default_rng(0), [], step / fine
+        for k in range(4):
+            ts = step * np.arange(300)
+            pace, phase = generator.uniform(*paces, (3, len(start))), generator.uniform(0.0, 6.0, (3, len(start)))
+            us = amplitude * np.sin(pace[:, None] * ts[:, None] + phase[:, None]).sum(axis=0)
+            q, v, path = np.array(start), np.zeros(len(start)), []
+            for u in us:
+                path.append((q, v))
+                for _ in range(fine):
+                    middle = v + h / 2 * accelerate(q, v, u)
+                    q, v = q + h * middle, v + h * accelerate(q + h / 2 * v, middle, u)
+            seen = np.array(path) + noise * generator.standard_normal((len(ts), 2, len(start)))
+            recordings.append(Trajectory(name=f"run{k}", ts=ts, q=seen[:, 0], rates=seen[:, 1], us=us))
+        return Dataset(name="driven", space=space, train=tuple(recordings), **parts)
 
     return simulate
 

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from symoden.blocks import ACTUATION
-from symoden.data import Dataset, Trajectory
 from symoden.models import BlockConfig, ModelConfig
-from symoden.training import TrainingConfig, fit
+from symoden.training import fit
 from symoden.training._flatten import freed
 
 MODEL = ModelConfig(
@@ -18,36 +17,20 @@ MODEL = ModelConfig(
     friction=BlockConfig(constant=True),
     knees=(),
 )
-CONFIG = TrainingConfig(adam_steps=0, lm_steps=10, growth_steps=12, relevance_steps=0, lm_horizon=20, lm_substeps=2)
-STEP, FINE, VISCOUS, NOISE = 0.02, 10, 0.1, 0.003
+VISCOUS = 0.1
 
 
-def pushed(level, *, count=4, samples=300):
-    """A pendulum of unit mass and length under a torque, or under a horizontal force at its end, seen with noise."""
-    generator, recordings = np.random.default_rng(0), []
-    for k in range(count):
-        ts = STEP * np.arange(samples)
-        paces, phases = generator.uniform(1.0, 4.0, 3), generator.uniform(0.0, 6.0, 3)
-        us = np.sin(paces * ts[:, None] + phases).sum(axis=1)
-        q, v, path = 0.5, 0.0, []
-        for u in us:
-            path.append((q, v))
-            for _ in range(FINE):
-                middle = v + STEP / FINE / 2 * accelerate(level, q, v, u)
-                between = q + STEP / FINE / 2 * v
-                q, v = q + STEP / FINE * middle, v + STEP / FINE * accelerate(level, between, middle, u)
-        motion = np.array(path) + NOISE * generator.standard_normal((samples, 2))
-        recordings.append(Trajectory(name=f"run{k}", ts=ts, q=motion[:, :1], rates=motion[:, 1:], us=us[:, None]))
-    return Dataset(name="pendulum", space="T1", train=tuple(recordings))
-
-
-def accelerate(level, q, v, u):
-    return (np.cos(q) if level else 1.0) * u - 2.0 * np.sin(q) - VISCOUS * v
+def pendulum(level):
+    """Of unit mass and length, under a torque, or under a horizontal force at its end."""
+    return lambda q, v, u: (np.cos(q) if level else 1.0) * u - 2.0 * np.sin(q) - VISCOUS * v
 
 
 @pytest.mark.parametrize(("level", "kinds", "verdict"), [(True, ACTUATION, "kept"), (False, 0, "not kept")])
-def test_a_force_that_turns_with_the_body_is_found_and_a_torque_stays_constant(level, kinds, verdict):
-    result = fit(pushed(level), model=MODEL, config=CONFIG)
+def test_a_force_that_turns_with_the_body_is_found_and_a_torque_stays_constant(
+    level, kinds, verdict, driven, second_order
+):
+    dataset = driven(pendulum(level), [0.5], space="T1", noise=0.003)
+    result = fit(dataset, model=MODEL, config=second_order)
     found: Any = result.model
     assert result.verdicts["actuation"].startswith(verdict)
     assert freed(found) == kinds

@@ -1,5 +1,6 @@
 """What springs store is told by a few numbers, and another energy of lengths by a network where it is needed."""
 
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -8,10 +9,9 @@ import numpy as np
 import pytest
 
 from symoden.blocks import POTENTIAL, Polynomial
-from symoden.data import Dataset, Trajectory
 from symoden.models import BlockConfig, ModelConfig, awaken, build
 from symoden.spaces import Space
-from symoden.training import TrainingConfig, fit
+from symoden.training import fit
 from symoden.training._flatten import freed
 
 CONSTANT = BlockConfig(constant=True)
@@ -22,27 +22,13 @@ MODEL = ModelConfig(
     friction=CONSTANT,
     knees=(),
 )
-CONFIG = TrainingConfig(adam_steps=0, lm_steps=20, growth_steps=0, relevance_steps=0, lm_horizon=20, lm_substeps=2)
-STEP, FINE, VISCOUS = 0.02, 10, 0.2
+VISCOUS = 0.2
+PACES = (0.5, 3.0)
 
 
-def driven(slope, *, size=1, amplitude=1.5, count=4, samples=300):
-    """Unit masses in a potential of this slope, each pushed by an input of its own."""
-    generator, recordings = np.random.default_rng(0), []
-    for k in range(count):
-        ts = STEP * np.arange(samples)
-        paces, phases = generator.uniform(0.5, 3.0, (3, size)), generator.uniform(0.0, 6.0, (3, size))
-        us = amplitude * np.sin(paces[:, None] * ts[:, None] + phases[:, None]).sum(axis=0)
-        q, v, path = generator.uniform(-0.5, 0.5, size), np.zeros(size), []
-        for u in us:
-            path.append((q, v))
-            for _ in range(FINE):
-                middle = v + STEP / FINE / 2 * (u - VISCOUS * v - slope(q))
-                v = v + STEP / FINE * (u - VISCOUS * middle - slope(q + STEP / FINE / 2 * v))
-                q = q + STEP / FINE * middle
-        seen = np.array(path)
-        recordings.append(Trajectory(name=f"run{k}", ts=ts, q=seen[:, 0], rates=seen[:, 1], us=us))
-    return Dataset(name="springs", space=f"R{size}", train=tuple(recordings), input_matrix=np.eye(size))
+def masses(slope):
+    """Unit masses in a potential of this slope."""
+    return lambda q, v, u: u - VISCOUS * v - slope(q)
 
 
 def springs(q):
@@ -60,10 +46,10 @@ def worst(model, slope, low, high):
     return np.abs(found - true).max() / np.abs(true).max()
 
 
-def test_springs_that_harden_are_told_beyond_the_data_too():
-    dataset = driven(springs, size=2)
+def test_springs_that_harden_are_told_beyond_the_data_too(driven, second_order):
+    dataset = driven(masses(springs), [0.0, 0.0], space="R2", amplitude=1.5, paces=PACES, input_matrix=np.eye(2))
     reach = np.max([np.abs(each.q).max(axis=0) for each in dataset.train], axis=0)
-    model: Any = fit(dataset, model=MODEL, config=CONFIG).model
+    model: Any = fit(dataset, model=MODEL, config=replace(second_order, lm_steps=20, growth_steps=0)).model
     assert worst(model, springs, -1.5 * reach, 1.5 * reach) < 1e-3
 
 
@@ -73,9 +59,9 @@ def wavy(q):
 
 
 @pytest.mark.parametrize(("slope", "kinds"), [(wavy, POTENTIAL), (lambda q: 3.0 * q, 0)])
-def test_a_network_is_set_free_where_no_polynomial_will_do(slope, kinds):
-    dataset = driven(slope, amplitude=3.0)
-    result = fit(dataset, model=MODEL, config=TrainingConfig(**{**vars(CONFIG), "growth_steps": 20}))
+def test_a_network_is_set_free_where_no_polynomial_will_do(slope, kinds, driven, second_order):
+    dataset = driven(masses(slope), [0.0], space="R1", amplitude=3.0, paces=PACES, input_matrix=np.eye(1))
+    result = fit(dataset, model=MODEL, config=replace(second_order, lm_steps=20, growth_steps=40))
     assert freed(result.model) == kinds
     low, high = (f([f(each.q) for each in dataset.train]) for f in (np.min, np.max))
     assert worst(result.model, slope, [low], [high]) < 0.05
@@ -89,3 +75,14 @@ def test_only_a_network_of_lengths_is_awoken(space):
     assert freed(awake) == (POTENTIAL if space == "R2" else 0)
     assert isinstance(model.potential.function.terms[0], Polynomial) == (space == "R2")
     assert jax.tree.structure(awake) == jax.tree.structure(model)
+
+
+def test_a_network_grows_from_where_it_was_drawn(driven, second_order):
+    def slope(q):
+        return 2.0 * np.sin(q) + 1.5 * np.sin(3.0 * q)
+
+    dataset = driven(masses(slope), [0.0], space="T1", amplitude=3.0, paces=PACES, input_matrix=np.eye(1))
+    model = replace(MODEL, potential=BlockConfig(hidden=(12,), constant=True))
+    result = fit(dataset, model=model, config=replace(second_order, growth_steps=40))
+    assert result.verdicts["growth"].startswith("kept")
+    assert worst(result.model, slope, [-3.0], [3.0]) < 0.05

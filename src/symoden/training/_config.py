@@ -65,7 +65,7 @@ class TrainingConfig:
     damping: float = 1e-4
     prior: float = 1.0
     patience: int = 4
-    growth_steps: int = 20
+    growth_steps: int = 40
     relevance_steps: int = 60
 
     def __post_init__(self) -> None:

@@ -315,8 +315,7 @@ class _Member:
             judged = done.after
             if data.validation is not None and not stage.learns:
                 judged = self._loss(np.asarray(state.theta), data.validation)
-            falling = done.accepted and done.after < (1 - STALLED) * done.before
-            stale = 0 if falling and judged < least else stale + 1
+            stale = 0 if done.falls_by(STALLED) and judged < least else stale + 1
             if judged < least:
                 best, least = state.theta, judged
             exact = config.scaled_loss and judged < EXACT

@@ -64,6 +64,10 @@ class LevenbergStep(NamedTuple):
     accepted: bool
     equations: NormalEquations
 
+    def falls_by(self, share: float) -> bool:
+        """Whether the loss fell by more than a share of itself."""
+        return self.accepted and self.after < (1 - share) * self.before
+
 
 def levenberg_marquardt_step(
     state: LevenbergState,

@@ -30,7 +30,7 @@ STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as 
 
 _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
-_FALLING: Final = 0.02  # The same while priors are learned, and loss is given for evidence and back.
+_FALLING: Final = 0.02  # One that is no noise: loss is given for evidence and back while priors are learned.
 _EVIDENT: Final = 1.0  # Gain of the evidence's logarithm that is worth a mention (Kass & Raftery, 1995, Bayes factors).
 
 
@@ -56,7 +56,8 @@ class LevenbergStage(AbstractStage):
         learns: Learn the priors too, from narrow ones on for corrections that were not kept before. Else they fade with
             the loss.
         widens: Priors are as wide as at first.
-        frees: Nothing is done where what it would set free is free already.
+        frees: It sets something free: nothing is done where that is free already, and steps go on as long as they fit
+            the data clearly better, whatever validation says meanwhile.
         guess: A model to begin with where its rollouts are better than those of the best one so far.
         fresh: An untrained model to begin with in any case. What stages before have set free and kept is free, but for
             friction's laws: from wide priors on these take up what is not yet explained.
@@ -155,11 +156,13 @@ class LevenbergStage(AbstractStage):
             state = self._learned(state, step, np.asarray(theta, float), restore.corrections)
         else:
             better = judged < state.best_loss
-            falling = step.accepted and step.after < (1 - STALLED) * step.before
+            gains = better and step.falls_by(STALLED)
+            # A network takes a dozen steps to find its shape, in which validation goes up and down.
+            gains |= self.frees and step.falls_by(_FALLING)
             state = state._replace(
                 best=model if better else state.best,
                 best_loss=judged if better else state.best_loss,
-                stale=0 if better and falling else state.stale + 1,
+                stale=0 if gains else state.stale + 1,
             )
             if self.learns and (state.stale >= self.config.patience or state.step == self.plain):
                 model, judged = state.best, state.best_loss
@@ -276,9 +279,8 @@ class LevenbergStage(AbstractStage):
         record = state.memory.evidence
         priors = state.memory.learn(step.equations, theta, state.model, corrections)
         evident = bool(priors.evidence > record + _EVIDENT)
-        falling = step.accepted and step.after < (1 - _FALLING) * step.before
         priors = priors if evident else priors._replace(evidence=record)
-        return state._replace(memory=priors, stale=0 if evident or falling else state.stale + 1)
+        return state._replace(memory=priors, stale=0 if evident or step.falls_by(_FALLING) else state.stale + 1)
 
     def _concluded(self, state: TrainingState) -> tuple[TrainingState, str]:
         """State at the end of the stage, with what came of it or as it was before; and the verdict in words."""

@@ -202,7 +202,7 @@ def _further(
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
     networks = NETWORKS | POTENTIAL
     if not regression and has(networks) and fits(judged | networks):
-        stages.append(LevenbergStage(longest, config, "growth", grow, judged | networks, margin=_CLEAR))
+        stages.append(LevenbergStage(longest, config, "growth", grow, judged | networks, margin=_CLEAR, frees=True))
     return stages
 
 
