@@ -60,6 +60,7 @@ def scale(log, **factors):
     return log
 
 
+@settings(max_examples=25)
 @given(
     seed=st.integers(0, 1000),
     samples=st.integers(500, 1500),
@@ -91,7 +92,7 @@ def test_facts_of_a_good_log(tmp_path):
     assert q1.moving > 0.9
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 1000), column=st.sampled_from(NAMES[1:5]), start=st.integers(100, 1000))
 def test_a_stuck_sensor_is_named_with_its_time(tmp_path_factory, seed, column, start):
     log = stick(arm(seed, quantum=1e-3, noise=1e-3), column, start, start + 600)
@@ -178,7 +179,7 @@ def test_a_turned_sign_and_exchanged_columns_are_named(tmp_path):
     assert "Put `velocities` into the order" in check_dataset(path).recordings[0].findings[0].advice
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 1000))
 def test_wraps_are_facts_and_other_jumps_are_wrong(tmp_path_factory, seed):
     folder, log = tmp_path_factory.mktemp("wraps"), arm(seed, amplitude=3.0)

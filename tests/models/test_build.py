@@ -57,7 +57,7 @@ def test_blocks_start_from_harmonics_on_angles_and_from_a_constant_or_a_polynomi
     assert isinstance(model.inverse_mass, InverseBlock)
     assert isinstance(model.inverse_mass.matrix, GramBlock)
     kinds = [type(term) for term in model.potential.function.terms]
-    assert kinds == [Harmonics, Correction]
+    assert kinds == [Harmonics, Correction, Correction]
     bare = dataclasses.replace(config, inverse_mass=BlockConfig(harmonics=True), potential=BlockConfig(harmonics=True))
     assert np.asarray(motion(made(bare))) == pytest.approx(np.asarray(motion(model)), abs=1e-12)
     assert count_parameters(made(bare), corrections=0) == count_parameters(model, corrections=0)

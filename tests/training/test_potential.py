@@ -1,4 +1,4 @@
-"""What springs store is told by a few numbers, and another energy of lengths by a network where it is needed."""
+"""What springs and gravity store is told by a few numbers, and another energy is found where there is one."""
 
 from dataclasses import replace
 from typing import Any
@@ -75,6 +75,20 @@ def test_only_a_network_of_lengths_is_awoken(space):
     assert freed(awake) == (POTENTIAL if space == "R2" else 0)
     assert isinstance(model.potential.function.terms[0], Polynomial) == (space == "R2")
     assert jax.tree.structure(awake) == jax.tree.structure(model)
+
+
+def detents(q):
+    """The slope of a pendulum's energy with six detents."""
+    return 2.0 * np.sin(q) + 1.5 * np.sin(6.0 * q)
+
+
+@pytest.mark.parametrize(("slope", "kinds"), [(detents, POTENTIAL), (lambda q: 2.0 * np.sin(q), 0)])
+def test_harmonics_of_single_angles_are_found_where_there_are_some(slope, kinds, driven, second_order):
+    dataset = driven(masses(slope), [0.5], space="T1", amplitude=3.0, noise=0.002, input_matrix=np.eye(1))
+    model = replace(MODEL, potential=BlockConfig(hidden=(3,), harmonics=True))
+    result = fit(dataset, model=model, config=second_order)
+    assert freed(result.model) == kinds
+    assert worst(result.model, slope, [-3.0], [3.0]) < 0.05
 
 
 def test_a_network_grows_from_where_it_was_drawn(driven, second_order):

@@ -112,9 +112,10 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
     stages = [s for s in line_up(pendulum(samples=400), model, [model], config) if isinstance(s, LevenbergStage)]
     both = FRICTION | DIRECTIONS
-    kinds = [0, ACTUATION, FRICTION, both, *[FRICTION] * 4, FRICTION | NETWORKS | POTENTIAL]
+    kinds = [0, ACTUATION, POTENTIAL, FRICTION, both, *[FRICTION] * 4, FRICTION | NETWORKS]
     names = [
         "actuation",
+        "potential",
         "friction",
         "directions",
         "relevance",

@@ -27,6 +27,7 @@ from ._formulas import (
     Parameters as Parameters,
     with_parameters as with_parameters,
 )
+from ._fourier import FourierSeries as FourierSeries
 from ._friction import (
     ODD_SHAPES as ODD_SHAPES,
     AbstractFriction as AbstractFriction,
@@ -92,6 +93,7 @@ __all__ = [
     "Formula",
     "FormulaBlock",
     "FormulaFriction",
+    "FourierSeries",
     "GramBlock",
     "Harmonics",
     "InverseBlock",

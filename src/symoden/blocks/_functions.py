@@ -47,7 +47,7 @@ NETWORKS = 8
 INERTIA = 16
 """Those by which the inertia depends on lengths."""
 POTENTIAL = 32
-"""Networks by which the potential energy of lengths is no polynomial."""
+"""Those by which the potential energy is no polynomial of lengths, or has more than first harmonics of angles."""
 CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS | INERTIA | POTENTIAL
 """All kinds of corrections."""
 

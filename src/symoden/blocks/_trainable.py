@@ -10,6 +10,7 @@ from jaxtyping import PyTree
 
 from symoden.shapes import Coordinates
 
+from ._fourier import FourierSeries
 from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Sum
 from ._harmonics import Harmonics
 from ._known import Known
@@ -70,7 +71,7 @@ def is_silent(node: object) -> bool:
     match node.function:
         case Network(perceptron=last):
             numbers = (last.weights[-1], last.biases[-1])
-        case Harmonics(weights=weights):
+        case Harmonics(weights=weights) | FourierSeries(weights=weights):
             numbers = (weights,)
         case _:
             return False

@@ -23,6 +23,7 @@ from symoden.blocks import (
     Congruence,
     Constant,
     Correction,
+    FourierSeries,
     GramBlock,
     Harmonics,
     InverseBlock,
@@ -55,6 +56,7 @@ from ._unstructured import UnstructuredModel
 _BODIES = 3  # Rows of the Jacobian for each coordinate; with two, one start in four ended in a poor minimum.
 _SPREAD = 0.3  # Of the harmonics' first weights; with 0.1, one start in four did.
 _DEGREES = (4, 3, 2)  # Of the polynomial in lengths that V starts from: the first that leaves few enough weights.
+_ORDER = 24  # Of the harmonics of single angles in V: twelve detents a turn, and what is half as wide.
 _MOST_WEIGHTS = 2000  # Of what a block starts from: a step of Levenberg-Marquardt costs the square of their number.
 
 
@@ -207,6 +209,9 @@ class _Maker:
         """V."""
         kind = NETWORKS if any(self.space.is_angle) else POTENTIAL
         function = self._function(self.config.potential, 1, kind=kind, key=key)
+        if isinstance(function, Sum) and kind == NETWORKS and self.config.potential.harmonics:
+            series = Correction(FourierSeries.init(self.space, 1, order=_ORDER), kind=POTENTIAL)
+            function = Sum((function.terms[0], series, *function.terms[1:]))
         return ScalarBlock(function=function, scale=Known.of(self.scales.energy))
 
     def actuation(self, key: PRNGKeyArray) -> AbstractBlock:

@@ -32,6 +32,7 @@ _MODULES: dict[str, type[eqx.Module]] = {
         blocks.Network,
         blocks.Harmonics,
         blocks.Polynomial,
+        blocks.FourierSeries,
         blocks.Constant,
         blocks.Correction,
         blocks.Sum,

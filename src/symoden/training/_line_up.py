@@ -139,8 +139,9 @@ def _further(
     where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
     turn, if refused, are asked for once more (`_actuation_anew`).
 
-    The same goes for a V of lengths that is no polynomial: its network is the first to be asked for. On angles networks
-    come last, since harmonics hold what rigid bodies have.
+    The same goes for a V that is no polynomial of lengths, or has more than an angle's first harmonics: the network of
+    lengths, and the series of single angles, are asked for early. On angles networks come last, since harmonics hold
+    what rigid bodies have, and cogging; a series that was refused stays closed then.
 
     Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
@@ -200,7 +201,7 @@ def _further(
     longest = longer[-1] if longer else data
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
-    networks = NETWORKS | POTENTIAL
+    networks = NETWORKS if any(dynamics.space.is_angle) else NETWORKS | POTENTIAL
     if not regression and has(networks) and fits(judged | networks):
         stages.append(LevenbergStage(longest, config, "growth", grow, judged | networks, margin=_CLEAR, frees=True))
     return stages
