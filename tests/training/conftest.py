@@ -110,11 +110,12 @@ def driven():
     """Simulate four recordings, 6 s each, of something under smooth forces, by midpoint steps of 2 ms."""
     step, fine = 0.02, 10
 
-    def simulate(accelerate, start, *, space, amplitude: Any = 1.0, paces=(1.0, 4.0), noise=0.0, **parts):
+    def simulate(accelerate, start, *, space, amplitude: Any = 1.0, fastest=4.0, noise=0.0, **parts):
         generator, recordings, h = np.random.default_rng(0), [], step / fine
         for k in range(4):
             ts = step * np.arange(300)
-            pace, phase = generator.uniform(*paces, (3, len(start))), generator.uniform(0.0, 6.0, (3, len(start)))
+            pace = generator.uniform(0.25 * fastest, fastest, (3, len(start)))
+            phase = generator.uniform(0.0, 6.0, (3, len(start)))
             us = amplitude * np.sin(pace[:, None] * ts[:, None] + phase[:, None]).sum(axis=0)
             q, v, path = np.array(start), np.zeros(len(start)), []
             for u in us:

@@ -23,7 +23,6 @@ MODEL = ModelConfig(
     knees=(),
 )
 VISCOUS = 0.2
-PACES = (0.5, 3.0)
 
 
 def masses(slope):
@@ -47,7 +46,7 @@ def worst(model, slope, low, high):
 
 
 def test_springs_that_harden_are_told_beyond_the_data_too(driven, second_order):
-    dataset = driven(masses(springs), [0.0, 0.0], space="R2", amplitude=1.5, paces=PACES, input_matrix=np.eye(2))
+    dataset = driven(masses(springs), [0.0, 0.0], space="R2", amplitude=1.5, fastest=3.0, input_matrix=np.eye(2))
     reach = np.max([np.abs(each.q).max(axis=0) for each in dataset.train], axis=0)
     model: Any = fit(dataset, model=MODEL, config=replace(second_order, lm_steps=20, growth_steps=0)).model
     assert worst(model, springs, -1.5 * reach, 1.5 * reach) < 1e-3
@@ -60,7 +59,7 @@ def wavy(q):
 
 @pytest.mark.parametrize(("slope", "kinds"), [(wavy, POTENTIAL), (lambda q: 3.0 * q, 0)])
 def test_a_network_is_set_free_where_no_polynomial_will_do(slope, kinds, driven, second_order):
-    dataset = driven(masses(slope), [0.0], space="R1", amplitude=3.0, paces=PACES, input_matrix=np.eye(1))
+    dataset = driven(masses(slope), [0.0], space="R1", amplitude=3.0, fastest=3.0, input_matrix=np.eye(1))
     result = fit(dataset, model=MODEL, config=replace(second_order, lm_steps=20, growth_steps=40))
     assert freed(result.model) == kinds
     low, high = (f([f(each.q) for each in dataset.train]) for f in (np.min, np.max))
@@ -95,7 +94,7 @@ def test_a_network_grows_from_where_it_was_drawn(driven, second_order):
     def slope(q):
         return 2.0 * np.sin(q) + 1.5 * np.sin(3.0 * q)
 
-    dataset = driven(masses(slope), [0.0], space="T1", amplitude=3.0, paces=PACES, input_matrix=np.eye(1))
+    dataset = driven(masses(slope), [0.0], space="T1", amplitude=3.0, fastest=3.0, input_matrix=np.eye(1))
     model = replace(MODEL, potential=BlockConfig(hidden=(12,), constant=True))
     result = fit(dataset, model=model, config=replace(second_order, growth_steps=40))
     assert result.verdicts["growth"].startswith("kept")

@@ -48,8 +48,8 @@ class ModelConfig:
     Attributes:
         kind: Which of the five models.
         inverse_mass: Block of M⁻¹; with harmonics, of the Jacobian whose square is M.
-        potential: Block of V. Of harmonics with a network, those of single angles up to the 24th are another correction,
-            which is asked for first.
+        potential: Block of V. Of harmonics with a network, those of single angles up to the 24th are another
+            correction, which is asked for first.
         actuation: Block of g, unless it is given. Of a constant with a network, products as of `harmonics` are another
             correction on a space with angles, which is asked for first.
         friction: Block of D, or of its viscous part.
