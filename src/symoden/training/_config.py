@@ -38,9 +38,9 @@ class TrainingConfig:
             quadratic friction is free, and again with the priors that were learned and with the blocks' networks free;
             kept if validation gains by more than two standard errors, friction if by more than one. Networks stay
             closed where more than 4000 numbers would be free with them, as on arms of four joints and more.
-        relevance_steps: Steps after friction, and again in longer windows, in which every group of parameters learns a
-            prior of its own, so that noisy data use no more parameters than they determine; kept unless validation
-            speaks against it.
+        relevance_steps: Steps after friction, and half as many in longer windows, in which every group of parameters
+            learns a prior of its own, so that noisy data use no more parameters than they determine; kept unless
+            validation speaks against it.
     """
 
     seed: int = 0

@@ -196,7 +196,8 @@ def _further(
         return stages
     if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
         stages.append(_actuation_anew(dynamics, data, config, learns=learns))
-    anew = functools.partial(whitened, steps=learn if learns else grow, margin=-_CLEAR, learns=learns, widens=True)
+    again = (learn + 1) // 2 if learns else grow  # At a factor of three a step priors are through in 17.
+    anew = functools.partial(whitened, steps=again, margin=-_CLEAR, learns=learns, widens=True)
     stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
     longest = longer[-1] if longer else data
     if learns:
