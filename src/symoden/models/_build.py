@@ -207,9 +207,9 @@ class _Maker:
 
     def potential(self, key: PRNGKeyArray) -> ScalarBlock:
         """V."""
-        kind = NETWORKS if any(self.space.is_angle) else POTENTIAL
-        function = self._function(self.config.potential, 1, kind=kind, key=key)
-        if isinstance(function, Sum) and kind == NETWORKS and self.config.potential.harmonics:
+        turns = any(self.space.is_angle)
+        function = self._function(self.config.potential, 1, kind=NETWORKS if turns else POTENTIAL, key=key)
+        if turns and isinstance(function, Sum) and self.config.potential.harmonics:
             series = Correction(FourierSeries.init(self.space, 1, order=_ORDER), kind=POTENTIAL)
             function = Sum((function.terms[0], series, *function.terms[1:]))
         return ScalarBlock(function=function, scale=Known.of(self.scales.energy))
