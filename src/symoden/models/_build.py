@@ -167,6 +167,12 @@ def _refuse_unused(config: ModelConfig, known: KnownParts) -> None:
         raise ValueError("A model of the kind symoden has no friction; got a known `dissipation_matrix`. Remove it.")
 
 
+def _asked_first(function: AbstractFunction, added: AbstractFunction, kind: int) -> Sum:
+    """A function with one more correction, before the network that corrects it if there is one."""
+    start, *networks = function.terms if isinstance(function, Sum) else (function,)
+    return Sum((start, Correction(added, kind=kind), *networks))
+
+
 def _silenced(perceptron: Perceptron) -> Perceptron:
     """The same network with an output of zero."""
     return eqx.tree_at(lambda p: p.weights[-1], perceptron, jnp.zeros_like(perceptron.weights[-1]))
@@ -210,8 +216,7 @@ class _Maker:
         turns = any(self.space.is_angle)
         function = self._function(self.config.potential, 1, kind=NETWORKS if turns else POTENTIAL, key=key)
         if turns and isinstance(function, Sum) and self.config.potential.harmonics:
-            series = Correction(FourierSeries.init(self.space, 1, order=_ORDER), kind=POTENTIAL)
-            function = Sum((function.terms[0], series, *function.terms[1:]))
+            function = _asked_first(function, FourierSeries.init(self.space, 1, order=_ORDER), POTENTIAL)
         return ScalarBlock(function=function, scale=Known.of(self.scales.energy))
 
     def actuation(self, key: PRNGKeyArray) -> AbstractBlock:
@@ -223,10 +228,8 @@ class _Maker:
         function = self._function(self.config.actuation, size, base=0.1, key=key)
         if isinstance(function, Sum) and self.config.actuation.constant and any(self.space.is_angle):
             # Forces that turn with a body, or pull at a lever.
-            turning = Correction(
-                self._harmonics(size, powers=1, spread=0.0, key=jax.random.fold_in(key, 1)), kind=ACTUATION
-            )
-            function = Sum((function.terms[0], turning, *function.terms[1:]))
+            turning = self._harmonics(size, powers=1, spread=0.0, key=jax.random.fold_in(key, 1))
+            function = _asked_first(function, turning, ACTUATION)
         return MatrixBlock(function=function, scale=Known.of(np.outer(self.scales.force, 1 / self.scales.input)))
 
     def friction(self, key: PRNGKeyArray) -> AbstractFriction:
@@ -347,9 +350,7 @@ class _Maker:
 
     def _also_sliding(self, function: AbstractFunction, size: int, *, key: PRNGKeyArray) -> Sum:
         """Products with lengths are another correction: along most lengths the inertia stays as it is."""
-        sliding = self._harmonics(size, powers=1, spread=0.0, key=key).of_lengths()
-        first, *rest = function.terms if isinstance(function, Sum) else (function,)
-        return Sum((first, Correction(sliding, kind=INERTIA), *rest))
+        return _asked_first(function, self._harmonics(size, powers=1, spread=0.0, key=key).of_lengths(), INERTIA)
 
     def _harmonics(self, size: int, *, powers: int, spread: float, key: PRNGKeyArray) -> Harmonics:
         """Products of the first harmonics and of powers of lengths, with as many factors as leave few weights."""
