@@ -20,7 +20,7 @@ from symoden.experiments import preset, simulate, task
 from symoden.integrate import RK4, zero_hold
 from symoden.models import build
 from symoden.spaces import Space
-from symoden.training._adam import AdamState, Sampler, adam, adam_steps
+from symoden.training._adam import Adam, AdamState, Sampler, adam_steps
 from symoden.training._objective import Batch, Objective
 
 STEPS = 5
@@ -52,14 +52,12 @@ def step_seconds(name: str) -> tuple[float, int]:
     model = build(model_config, space, dataset.inputs, momenta=dataset.momenta, key=jax.random.key(0))
     batch = Batch.of(windows(dataset.train, config.horizon or 3), jnp.float32)
     free, fixed = eqx.partition(model, trainable(model))
-    # One step at a constant rate costs what every step costs.
-    rate, decay = config.learning_rate, config.weight_decay
-    optimizer = adam(steps=1, learning_rate=rate, cosine=False, clip=None, weight_decay=decay)
+    optimizer = Adam.of(config, jnp.float32)
     objective = Objective(jnp.ones(space.embedded_size + space.size), RK4(unroll=True), zero_hold, unroll=True)
     sampler = Sampler(batch, jnp.asarray(0), config.batch_size, shuffle=False)
 
     def run(state: AdamState) -> tuple:
-        return adam_steps(state, fixed, objective, sampler, optimizer, steps=STEPS)
+        return adam_steps(state, fixed, objective, sampler, optimizer, jnp.asarray(STEPS))
 
     return seconds_of(run, AdamState(free, optimizer.init(free), jnp.zeros((), int))) / STEPS, count_parameters(model)
 

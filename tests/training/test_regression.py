@@ -17,7 +17,7 @@ from symoden.training._adam_stage import AdamStage
 from symoden.training._data import adam_data, hold_out, levenberg_data, regression_data
 from symoden.training._flatten import cast, freed
 from symoden.training._levenberg_stage import LevenbergStage
-from symoden.training._line_up import adam_optimizer, line_up
+from symoden.training._line_up import line_up
 from symoden.training._relevance import Relevance
 from symoden.training._residuals import evaluate_loss
 from symoden.training._scales import measure_scales
@@ -141,8 +141,7 @@ def searching(swings, plain):
 def test_adam_looks_for_a_basin_only_where_none_is_found(yields, loss, skipped, searching, monkeypatch):
     dataset, config, model = searching
     data = regression(dataset, model, config)
-    optimizer = adam_optimizer(dataclasses.replace(config, adam_steps=1))
-    stage = AdamStage(data, config, "adam", 1, model, optimizer, yields=yields)
+    stage = AdamStage(data, config, "adam", 1, model, yields=yields)
     monkeypatch.setattr("symoden.training._adam_stage.evaluate_loss", lambda *_: loss)
     before = begun_with(model, model)._replace(memory=Relevance.start(model, 3.0))
     with jax.numpy_dtype_promotion("standard"):
@@ -203,8 +202,7 @@ def test_rollouts_begin_with_a_guess_that_is_better(searching):
 def test_a_model_that_diverges_gives_way(searching):
     dataset, config, model = searching
     data = adam_data(dataset, model, config)
-    optimizer = adam_optimizer(dataclasses.replace(config, adam_steps=2))
-    stage = AdamStage(data, config, "adam", 2, model, optimizer, yields=True)
+    stage = AdamStage(data, config, "adam", 2, model, yields=True)
     before = begun_with(diverging(model), model)._replace(memory=Relevance.start(model, 3.0))
     with jax.numpy_dtype_promotion("standard"):
         state, report = stage.advance(stage.start(before))

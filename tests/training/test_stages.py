@@ -19,7 +19,7 @@ from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import Linearization, NormalEquations
 from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
-from symoden.training._line_up import adam_optimizer, line_up
+from symoden.training._line_up import line_up
 from symoden.training._relevance import Relevance
 from symoden.training._state import Incumbent, TrainingState
 from symoden.training._weighing import Weighing
@@ -172,8 +172,7 @@ def test_adam_goes_on_where_a_window_diverges_and_says_so_where_all_do(stage, pe
     fast = jnp.asarray(1e30, data.train.rates.dtype)  # Its square is no number in single precision.
     for lost in (slice(0, 1), slice(None)):
         spoilt = data.train._replace(rates=data.train.rates.at[lost].set(fast))
-        optimizer = adam_optimizer(quick)
-        adam = AdamStage(data._replace(train=spoilt), quick, "adam", quick.adam_steps, state.model, optimizer)
+        adam = AdamStage(data._replace(train=spoilt), quick, "adam", quick.adam_steps, state.model)
         started = adam.start(state)
         with jax.numpy_dtype_promotion("standard"):
             after, report = adam.advance(started)

@@ -89,7 +89,7 @@ def kinds_in_use(model: PyTree, q: Coordinates) -> int:
         The kinds of those that are not zero, as flags; 0 if all are.
     """
     leaves = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction))
-    found = [leaf for leaf in leaves if isinstance(leaf, Correction)]
+    found = [leaf for leaf in leaves if isinstance(leaf, Correction) and not is_silent(leaf)]
     return functools.reduce(operator.or_, (each.kind for each in found if np.any(np.asarray(each(q)))), 0)
 
 

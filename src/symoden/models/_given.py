@@ -112,6 +112,7 @@ def _value_and_slopes(
     generator = np.random.default_rng(0)
     q, v = (jnp.asarray(generator.normal(size=(_STATES, model.space.size)), float) for _ in range(2))
 
+    @eqx.filter_jit
     def part(model: StructuredModel | UnstructuredModel) -> Float[Array, " r"]:
         of: dict[str, Callable[..., Array]] = {
             "mass_matrix": lambda q, v: model.mass_matrix(q),

@@ -1,16 +1,22 @@
 """First-order training: Adam on random batches of windows, many steps compiled as one call."""
 
-from typing import Any, NamedTuple, final
+from typing import Any, Final, NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optax
+from jax.typing import ArrayLike, DTypeLike
 from jaxtyping import Array, Float, Int, PyTree
 
 from symoden.shapes import Scalar
 
+from ._config import TrainingConfig
 from ._objective import AbstractObjective, Batch
+
+MOST_STEPS: Final = 200
+"""Steps of one compiled call."""
 
 
 class AdamState(NamedTuple):
@@ -27,27 +33,69 @@ class AdamState(NamedTuple):
     step: Int[Array, ""]
 
 
-def adam(
-    *, steps: int, learning_rate: float, cosine: bool, clip: float | None, weight_decay: float
-) -> optax.GradientTransformation:
-    """Compose the optimiser.
+@final
+class Adam(eqx.Module):
+    """Settings of the optimiser, as numbers of the parameters' precision: other ones need no new compilation.
 
     A step whose gradient is not finite is skipped: under untrained weights a rare window may diverge.
 
-    Args:
+    Attributes:
         steps: Number of steps over which a cosine schedule falls to zero.
         learning_rate: First learning rate.
-        cosine: Let the learning rate fall; otherwise it is constant, as in the paper.
         clip: Largest norm of the gradient, if any.
         weight_decay: Factor of the L2 term in the gradient, as in the paper (not decoupled).
-
-    Returns:
-        The optimiser.
+        cosine: Let the learning rate fall; otherwise it is constant, as in the paper.
     """
-    rate = optax.cosine_decay_schedule(learning_rate, max(steps, 1)) if cosine else learning_rate
-    decay = optax.add_decayed_weights(weight_decay) if weight_decay else optax.identity()
-    clipping = optax.identity() if clip is None else optax.clip_by_global_norm(clip)
-    return optax.apply_if_finite(optax.chain(decay, clipping, optax.adam(rate)), max_consecutive_errors=max(steps, 1))
+
+    steps: Float[Array, ""]
+    learning_rate: Float[Array, ""]
+    clip: Float[Array, ""] | None
+    weight_decay: Float[Array, ""]
+    cosine: bool = eqx.field(static=True)
+
+    @classmethod
+    def of(cls, config: TrainingConfig, dtype: DTypeLike) -> "Adam":
+        """The optimiser of some settings.
+
+        Args:
+            config: Settings.
+            dtype: Precision of the parameters.
+
+        Returns:
+            The optimiser.
+        """
+        return cls(
+            steps=jnp.asarray(max(config.adam_steps, 1), dtype),
+            learning_rate=jnp.asarray(config.learning_rate, dtype),
+            clip=None if config.clip is None else jnp.asarray(config.clip, dtype),
+            weight_decay=jnp.asarray(config.weight_decay, dtype),
+            cosine=config.cosine,
+        )
+
+    @eqx.filter_jit
+    def init(self, free: PyTree) -> PyTree:
+        """Its state before the first step.
+
+        Args:
+            free: Trainable parameters, a model with None for all else.
+
+        Returns:
+            The state.
+        """
+        return self.rule.init(free)
+
+    @property
+    def rule(self) -> optax.GradientTransformation:
+        """What it does in a step."""
+        fall = optax.cosine_decay_schedule(1.0, 1)
+
+        def rate(count: ArrayLike) -> Array:
+            share = jnp.asarray(count, self.steps.dtype) / self.steps
+            return self.learning_rate * fall(share) if self.cosine else self.learning_rate
+
+        clipping = optax.identity() if self.clip is None else optax.clip_by_global_norm(self.clip)
+        chain = optax.chain(optax.add_decayed_weights(self.weight_decay), clipping, optax.adam(rate))
+        return optax.apply_if_finite(chain, max_consecutive_errors=np.iinfo(np.int32).max)
 
 
 @final
@@ -82,9 +130,8 @@ def adam_steps(
     fixed: PyTree,
     objective: AbstractObjective,
     sampler: Sampler,
-    optimizer: optax.GradientTransformation,
-    *,
-    steps: int,
+    optimizer: Adam,
+    steps: Int[Array, ""],
 ) -> tuple[AdamState, Float[Array, " k"]]:
     """Take some steps in one compiled call.
 
@@ -93,19 +140,23 @@ def adam_steps(
         fixed: What is not trained, a model with None for the parameters.
         objective: How rollouts are compared with windows.
         sampler: Chooses the windows.
-        optimizer: From `adam`.
-        steps: Number of steps to take.
+        optimizer: What updates the parameters.
+        steps: Number of steps to take, at most `MOST_STEPS`.
 
     Returns:
-        The state after the steps and the loss before each of them.
+        The state after the steps and the loss before each of them; NaN for those that were not taken.
     """
+    rule = optimizer.rule
 
     def loss(free: PyTree, windows: Batch) -> Scalar:
         return objective.loss(eqx.combine(free, fixed), windows)
 
-    def one(state: AdamState, _: None) -> tuple[AdamState, Scalar]:
+    def one(k: Int[Array, ""], pair: tuple[AdamState, Float[Array, " k"]]) -> tuple[AdamState, Float[Array, " k"]]:
+        state, losses = pair
         value, gradient = jax.value_and_grad(loss)(state.free, sampler.draw(state.step))
-        updates, memory = optimizer.update(gradient, state.optimizer, state.free)
-        return AdamState(optax.apply_updates(state.free, updates), memory, state.step + 1), value
+        updates, memory = rule.update(gradient, state.optimizer, state.free)
+        after = AdamState(optax.apply_updates(state.free, updates), memory, state.step + 1)
+        return after, losses.at[k].set(value)
 
-    return jax.lax.scan(one, state, length=steps)
+    dtype = optimizer.learning_rate.dtype
+    return jax.lax.fori_loop(0, steps, one, (state, jnp.full(MOST_STEPS, jnp.nan, dtype)))

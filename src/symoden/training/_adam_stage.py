@@ -8,12 +8,11 @@ from typing import Final, final
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import optax
 
 from symoden.blocks import trainable, without_silent
 from symoden.mechanics import AbstractDynamics
 
-from ._adam import AdamState, Sampler, adam_steps
+from ._adam import MOST_STEPS, Adam, AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._data import Data
 from ._flatten import Flattening, cast, freed
@@ -23,8 +22,6 @@ from ._stages import FOUND, AbstractStage
 from ._state import Incumbent, Report, TrainingState
 
 DIVERGED: Final = "diverged; the best model before was kept"
-
-_CHUNK: Final = 200
 
 
 @final
@@ -38,8 +35,6 @@ class AdamStage(AbstractStage):
         name: What reports call it.
         steps: Number of steps.
         fresh: The untrained model to start from.
-        optimizer: What updates the parameters. Made once and shared, since JAX recognises a compiled function by the
-            identity of the functions it was made from.
         yields: Do nothing where a stage before has found the basin, as far as a scaled loss tells.
     """
 
@@ -48,7 +43,6 @@ class AdamStage(AbstractStage):
     name: str
     steps: int
     fresh: AbstractDynamics
-    optimizer: optax.GradientTransformation
     yields: bool = False
 
     def anew(self, fresh: AbstractDynamics) -> "AdamStage":
@@ -60,7 +54,7 @@ class AdamStage(AbstractStage):
         dtype = self.data.train.q.dtype
         model = cast(self.fresh, dtype)
         lean = without_silent(model)
-        memory = self.optimizer.init(eqx.filter(lean, trainable(lean, corrections=self._kinds)))
+        memory = self._optimizer.init(eqx.filter(lean, trainable(lean, corrections=self._kinds)))
         best, loss, known = cast(state.best, dtype), state.best_loss, state.memory
         if isinstance(known, Relevance):  # A regression's loss is no rollout's.
             loss = evaluate_loss(best, self.data.objective, self.data.judged)
@@ -78,9 +72,11 @@ class AdamStage(AbstractStage):
         restore, theta = Flattening.of(state.model, corrections=self._kinds, dtype=self.data.train.q.dtype)
         lean = without_silent(state.model)
         free, fixed = eqx.partition(lean, trainable(lean, corrections=self._kinds))
-        steps = min(_CHUNK, self.steps - state.step)
+        steps = min(MOST_STEPS, self.steps - state.step)
         before = AdamState(free, state.memory, jnp.asarray(state.step))
-        after, losses = adam_steps(before, fixed, self.data.objective, self._sampler, self.optimizer, steps=steps)
+        after, losses = adam_steps(
+            before, fixed, self.data.objective, self._sampler, self._optimizer, jnp.asarray(steps)
+        )
         model = restore(Flattening.of(eqx.combine(after.free, fixed), corrections=self._kinds, dtype=theta.dtype)[1])
         validation = self.data.validation_loss(model, self.data.objective)
         state = state._replace(step=state.step + steps, model=model, memory=after.optimizer)
@@ -102,6 +98,10 @@ class AdamStage(AbstractStage):
     def _kinds(self) -> int:
         """Corrections that do not begin at zero, and so are trained."""
         return freed(self.fresh)
+
+    @functools.cached_property
+    def _optimizer(self) -> Adam:
+        return Adam.of(self.config, self.data.train.q.dtype)
 
     @functools.cached_property
     def _sampler(self) -> Sampler:

@@ -22,7 +22,7 @@ from ._config import TrainingConfig
 from ._flatten import Flattening, cast
 from ._level import LEAST_WINDOWS
 from ._levenberg_marquardt import LevenbergState
-from ._levenberg_stage import STALLED, LevenbergStage
+from ._levenberg_stage import LevenbergStage
 from ._objective import Batch
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss
@@ -315,7 +315,7 @@ class _Member:
             judged = done.after
             if data.validation is not None and not stage.learns:
                 judged = self._loss(np.asarray(state.theta), data.validation)
-            stale = 0 if done.falls_by(STALLED) and judged < least else stale + 1
+            stale = 0 if stage.gains(done, better=judged < least) else stale + 1
             if judged < least:
                 best, least = state.theta, judged
             exact = config.scaled_loss and judged < EXACT

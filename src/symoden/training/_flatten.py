@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
@@ -45,7 +46,7 @@ class Flattening(eqx.Module):
         free, fixed = eqx.partition(model, trainable(model, corrections=corrections))
         fixed = cast(fixed, dtype)
         leaves, structure = jax.tree.flatten(free)
-        theta = jnp.concatenate([jnp.ravel(leaf).astype(dtype) for leaf in leaves])
+        theta = jax.device_put(np.concatenate([np.ravel(leaf) for leaf in leaves]).astype(dtype))
         return cls(fixed, structure, tuple(leaf.shape for leaf in leaves), corrections), theta
 
     def lean(self, theta: Float[Array, " P"]) -> "Flattening":
@@ -62,9 +63,11 @@ class Flattening(eqx.Module):
 
     def __call__(self, theta: Float[Array, " P"]) -> PyTree:
         """Model with these parameters."""
-        ends = np.cumsum([int(np.prod(shape)) for shape in self.shapes])
-        parts = jnp.split(theta, ends[:-1])
+        ends = np.cumsum([int(np.prod(shape)) for shape in self.shapes])[:-1]
+        traced = isinstance(theta, Tracer)
+        parts = jnp.split(theta, ends) if traced else np.split(np.asarray(theta), ends)
         leaves = [part.reshape(shape) for part, shape in zip(parts, self.shapes, strict=True)]
+        leaves = leaves if traced else jax.device_put(leaves)  # See `cast`.
         return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.fixed)
 
 
@@ -75,4 +78,5 @@ def freed(model: PyTree) -> int:
 
 def cast(model: PyTree, dtype: DTypeLike) -> PyTree:
     """Change the precision of every array of floats."""
-    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, model)
+    # On the host: on a device every shape is a program, which takes 20 ms to compile.
+    return jax.tree.map(lambda x: jax.device_put(np.asarray(x, dtype)) if eqx.is_inexact_array(x) else x, model)

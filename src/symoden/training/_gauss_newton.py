@@ -18,7 +18,7 @@ from symoden.shapes import Inputs, Scalar, State
 
 from ._flatten import Flattening, cast
 from ._objective import AbstractObjective, Batch, Objective
-from ._residuals import find_starts, follow_starts, map_windows, mean_square
+from ._residuals import find_starts, follow_starts, mean_square
 from ._starts import Found, project_out
 
 Parameters = Float[Array, " P"]
@@ -28,7 +28,7 @@ MOST_PARAMETERS: Final = 4000  # Beyond, matrices take gigabytes, and what is do
 
 _LARGEST_JACOBIAN = 2**23  # Entries of a block.
 _MOST_KEPT = 2**28  # Entries of all blocks.
-_CACHED_WINDOWS = 32
+_CACHED_WINDOWS = 16
 _PINNED = 1e-5  # Relative standard deviation.
 
 
@@ -156,8 +156,8 @@ def _padded(derivative: Float[Array, "... P"], columns: int) -> Float[Array, "..
 def _jacobian(
     restore: Callable, theta: Parameters, objective: AbstractObjective, batch: Batch
 ) -> Float[Array, "b r P"]:
-    """Jacobians of some windows, a few at a time so that they stay in the processor's cache."""
-    return map_windows(lambda window: linearize(restore, theta, objective, window)[1], batch, chunk=_CACHED_WINDOWS)
+    """Jacobians of a few windows, which stay in the processor's cache."""
+    return jax.vmap(lambda window: linearize(restore, theta, objective, window)[1])(batch)
 
 
 @final
@@ -173,7 +173,7 @@ class Linearization:
         theta: Flat parameters.
         objective: How rollouts are compared with windows.
         found: Windows from their best starts.
-        chunk: Number of windows in a block; as many as keep it below 64 MB if None.
+        chunk: Number of windows in a block; as many as stay in the processor's cache if None.
         precision: Of J.
     """
 
@@ -262,11 +262,11 @@ class Linearization:
         """Every block and its windows; they are kept for the next time as long as they fit into memory."""
         total, *rest = self.found.residuals.shape
         rows = math.prod(rest)
-        chunk = min(self.chunk or max(1, _LARGEST_JACOBIAN // (rows * self.theta.size)), total)
+        chunk = self.chunk or min(_CACHED_WINDOWS, max(1, _LARGEST_JACOBIAN // (rows * self.theta.size)))
         for start in range(0, total, chunk):
             some, block = slice(start, min(start + chunk, total)), self._kept.get(start)
             if block is None:
-                # The last block is filled up with windows that are dropped, so that one compiled function serves all.
+                # The last block is filled up with windows that are dropped: one compiled function serves all of them.
                 index = np.minimum(np.arange(start, start + chunk), total - 1)
                 restore, theta, objective, windows = self._rough
                 block = np.asarray(_jacobian(restore, theta, objective, windows.take(index)))[: some.stop - start]

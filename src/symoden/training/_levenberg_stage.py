@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import DIRECTIONS, FRICTION, is_silent
+from symoden.blocks import DIRECTIONS, FRICTION, count_parameters, is_silent
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
@@ -26,7 +26,7 @@ from ._state import Incumbent, Report, TrainingState
 from ._weak_form import WeakForm
 from ._weighing import Weighing
 
-STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as none.
+_STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as none.
 
 _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
@@ -99,20 +99,18 @@ class LevenbergStage(AbstractStage):
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
         best = cast(self._first(state), dtype)
-        restore, theta = self._flattened(best, state.best)
-        solver = RK4(jnp.asarray(state.substeps))
-        where = restore, theta, self.data.objective, solver, self.data.train
-        weighing = Weighing.plain(best.space.embedded_size + best.space.size, expected_level(*where))
-        loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
-        if self.whitens and not self._is_below(EXPLAINED, loss):
-            weighing = weigh(*where, weighing)
+        weighing = self._plain(best)
+        loss = state.best_loss
+        if not self._has_freed(state.best) and self._is_below(EXPLAINED, loss):  # In these windows, too?
             loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
+        if not self._needless(state._replace(best_loss=loss)):
+            weighing, loss = self._weighed(best, state)
         fresh = Relevance.start(best, self.config.prior)
         known = state.memory if isinstance(state.memory, Relevance) else fresh
         priors = fresh if self.widens else known
         if self.learns:  # Beside the residuals of these windows.
             kept = known.kept if self.widens and known.kept >= 0 else freed(best)
-            kept = kept if self.fresh is None else restore.corrections
+            kept = kept if self.fresh is None else self._flattened(best, state.best)[0].corrections
             priors = priors.forgotten().narrowed(best, int(kept), self.corrections)
         return state._replace(
             step=0,
@@ -156,13 +154,10 @@ class LevenbergStage(AbstractStage):
             state = self._learned(state, step, np.asarray(theta, float), restore.corrections)
         else:
             better = judged < state.best_loss
-            gains = better and step.falls_by(STALLED)
-            # A network takes a dozen steps to find its shape, in which validation goes up and down.
-            gains |= self.frees and step.falls_by(_FALLING)
             state = state._replace(
                 best=model if better else state.best,
                 best_loss=judged if better else state.best_loss,
-                stale=0 if gains else state.stale + 1,
+                stale=0 if self.gains(step, better=better) else state.stale + 1,
             )
             if self.learns and (state.stale >= self.config.patience or state.step == self.plain):
                 model, judged = state.best, state.best_loss
@@ -237,6 +232,34 @@ class LevenbergStage(AbstractStage):
             ),
             pin=pin,
         )
+
+    def gains(self, step: LevenbergStep, *, better: bool) -> bool:
+        """Whether a step is a reason to take more of them.
+
+        Args:
+            step: What it did.
+            better: Whether its model is the best so far.
+
+        Returns:
+            Whether it is.
+        """
+        # A network takes a dozen steps to find its shape, in which validation goes up and down.
+        return (better and step.falls_by(_STALLED)) or (self.frees and step.falls_by(_FALLING))
+
+    def _weighed(self, best: AbstractDynamics, state: TrainingState) -> tuple[Weighing, float]:
+        """What the errors of the model count that the stage begins with; and its loss."""
+        kept = freed(best)
+        kept = kept if count_parameters(best, corrections=kept) else self.corrections
+        # What is not free yet has learned nothing of the data: of what these leave open, it tells nothing either.
+        restore, theta = Flattening.of(best, corrections=kept, dtype=self.data.train.q.dtype)
+        where = self.data.objective, RK4(jnp.asarray(state.substeps)), self.data.train
+        level = expected_level(restore, theta, *where)
+        weighing = self._plain(best)._replace(level=jnp.asarray(level, float))
+        loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
+        if self.whitens and not self._is_below(EXPLAINED, loss):
+            weighing = weigh(*self._flattened(best, state.best), *where, weighing)
+            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
+        return weighing, loss
 
     def _flattened(self, model: AbstractDynamics, before: AbstractDynamics) -> tuple[Flattening, Float[Array, " P"]]:
         """What is free of a model; if it began anew, also what was free of the best one before."""

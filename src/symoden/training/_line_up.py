@@ -7,14 +7,12 @@ from typing import Final
 
 import jax
 import jax.numpy as jnp
-import optax
 
 from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, INERTIA, NETWORKS, POTENTIAL, count_parameters
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
 
-from ._adam import adam
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import LONGER, Data, adam_data, levenberg_data, longer_data, name_short, name_thinned, regression_data
@@ -49,7 +47,7 @@ def line_up(
     if weak is not None and first:
         stages.extend(_regression(dynamics, weak, config))
     if candidates and free:
-        data, optimizer = adam_data(dataset, dynamics, config), adam_optimizer(config)
+        data = adam_data(dataset, dynamics, config)
         name_short(dataset, data)
         count = len(candidates)
         names = [f"adam {k + 1} of {count}" for k in range(count)] if count > 1 else ["adam"]
@@ -60,7 +58,6 @@ def line_up(
                 name,
                 config.adam_steps,
                 fresh,
-                optimizer,
                 yields=(weak is not None and first) or bool(freed(fresh) & POTENTIAL),
             )
             for name, fresh in zip(names, candidates, strict=True)
@@ -104,24 +101,6 @@ def _regression(
     first = LevenbergStage(data, config, "regression", config.lm_steps, fresh=fresh, rollouts=rollouts)
     further = _further(dynamics, data, (), config, regression=True)
     return [first, *(dataclasses.replace(stage, after=after) for stage in further)]
-
-
-def adam_optimizer(config: TrainingConfig) -> optax.GradientTransformation:
-    """Adam with the settings' schedule.
-
-    Args:
-        config: Settings.
-
-    Returns:
-        The optimizer.
-    """
-    return adam(
-        steps=config.adam_steps,
-        learning_rate=config.learning_rate,
-        cosine=config.cosine,
-        clip=config.clip,
-        weight_decay=config.weight_decay,
-    )
 
 
 def _further(

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, Int
 
@@ -24,7 +25,7 @@ _RESTING = 1e-3  # Share of the largest change that one counts as at least.
 
 
 class Batch(NamedTuple):
-    """Windows as arrays on the device; the first axis counts windows, and is absent in functions of one window.
+    """Windows as arrays; the first axis counts windows, and is absent in functions of one window.
 
     Attributes:
         ts: Times since the start of the window [s].
@@ -42,13 +43,17 @@ class Batch(NamedTuple):
 
     @classmethod
     def of(cls, windows: Windows, dtype: DTypeLike = float) -> "Batch":
-        """Put windows on the device in the given precision."""
+        """Windows in the given precision."""
         start = np.concatenate([windows.q[:, 0], windows.rates[:, 0]], axis=1)
-        return cls(*(jnp.asarray(x, dtype) for x in (windows.ts, windows.q, windows.rates, windows.us, start)))
+        parts = windows.ts, windows.q, windows.rates, windows.us, start
+        return cls(*jax.device_put([np.asarray(part, dtype) for part in parts]))
 
     def take(self, index: Array | np.ndarray | slice) -> "Batch":
         """Choose windows."""
-        return jax.tree.map(lambda x: x[index], self)
+        if isinstance(index, Tracer):
+            return jax.tree.map(lambda x: x[index], self)
+        # On the host: on a device every shape is a program, which takes 20 ms to compile.
+        return Batch(*jax.device_put([np.asarray(x)[index] for x in self]))
 
 
 class AbstractObjective(eqx.Module):
@@ -222,10 +227,11 @@ def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:
     Returns:
         Weight of every observed channel.
     """
-    embedded = jax.vmap(jax.vmap(dynamics.space.embed))(batch.q)
-    observed = np.asarray(jnp.concatenate([embedded, batch.rates], axis=-1))
+    q, space = np.asarray(batch.q), dynamics.space
+    angles = q[..., space.angles]
+    observed = np.concatenate([q[..., space.lengths], np.cos(angles), np.sin(angles), batch.rates], axis=-1)
     spread = np.sqrt(np.mean((observed[:, 1:] - observed[:, :1]) ** 2, axis=(0, 1)))
     # What rests must not outweigh what moves: the flicker of an encoder, or nothing at all.
-    positions = dynamics.space.embedded_size
+    positions = space.embedded_size
     least = [np.full_like(part, _RESTING * part.max(initial=0.0)) for part in np.split(spread, [positions])]
     return 1 / np.maximum(np.maximum(spread, np.concatenate(least)), 1e-300)

@@ -55,7 +55,7 @@ class Relevance(NamedTuple):
             The priors.
         """
         free = eqx.filter(model, trainable(model))
-        precision = jax.tree.map(lambda x: jnp.full(x.shape, prior, float), free)
+        precision = jax.tree.map(lambda x: jax.device_put(np.full(x.shape, prior)), free)
         return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float), jnp.asarray(-1))
 
     def unrecorded(self) -> "Relevance":
@@ -209,11 +209,20 @@ def free_scale(
     if not isinstance(model, StructuredModel) or model.momenta or parts_that_fix_the_scale(model):
         return None
 
+    return np.asarray(_scale_gradient(restore, theta, q), float)
+
+
+@eqx.filter_jit
+def _scale_gradient(
+    restore: Callable[[Float[Array, " P"]], PyTree], theta: Float[Array, " P"], q: Float[Array, "k n"]
+) -> Float[Array, " P"]:
+    """`free_scale`, compiled."""
+
     def scale(theta: Float[Array, " P"]) -> Float[Array, ""]:
         matrices = jax.vmap(restore(theta).mass_matrix)(q)
         return jnp.log(jnp.mean(jnp.trace(matrices, axis1=1, axis2=2)))
 
-    return np.asarray(jax.grad(scale)(theta), float)
+    return jax.grad(scale)(theta)
 
 
 def parameter_groups(shapes: Sequence[tuple[int, ...]]) -> Int[np.ndarray, " P"]:

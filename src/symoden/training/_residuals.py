@@ -5,9 +5,8 @@ from collections.abc import Callable
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from symoden.blocks import without_silent
 from symoden.mechanics import AbstractDynamics
@@ -16,55 +15,22 @@ from ._objective import AbstractObjective, Batch
 from ._starts import Found, find_start, follow_start
 
 _ITERATIONS = 3
+_BLOCK = 64  # Windows. One program for them compiles for seconds, for training and validation windows alike.
 
 
-def chunks(total: int, size: int) -> Int[Array, "k c"]:
-    """Indices of windows in chunks of one size, so that one compiled body serves all.
-
-    Args:
-        total: Number of windows.
-        size: Largest number in a chunk.
-
-    Returns:
-        The indices; after the last window it is repeated to fill the last chunk.
-    """
-    size = min(size, total)
-    return jnp.minimum(jnp.arange(-(-total // size) * size), total - 1).reshape(-1, size)
-
-
-def map_windows(function: Callable[[PyTree], PyTree], batch: PyTree, *, chunk: int) -> PyTree:
-    """Apply a function of one window to any number of them, some at a time.
-
-    Args:
-        function: What to apply.
-        batch: Windows, and what belongs to each.
-        chunk: Number of windows at once.
-
-    Returns:
-        The results, stacked.
-    """
-    total = jax.tree.leaves(batch)[0].shape[0]
-
-    def some(index: Int[Array, " c"]) -> PyTree:
-        return jax.vmap(function)(jax.tree.map(lambda x: x[index], batch))
-
-    results = jax.lax.map(some, chunks(total, chunk))
-    return jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:])[:total], results)
-
-
-def find_starts(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch, *, chunk: int = 512) -> Found:
+def find_starts(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Found:
     """Find where rollouts start best, for any number of windows, in bounded memory.
 
     Args:
         dynamics: Model.
         objective: How rollouts are compared with windows.
         batch: Windows.
-        chunk: Number of windows rolled out at once; it changes the residuals by rounding alone.
 
     Returns:
         The windows with those starts, and their residuals.
     """
-    return _find(without_silent(dynamics), objective, batch, chunk=chunk)
+    lean = without_silent(dynamics)
+    return _block_by_block(lambda some: _find(lean, objective, some), batch)
 
 
 def follow_starts(
@@ -72,8 +38,6 @@ def follow_starts(
     objective: AbstractObjective,
     batch: Batch,
     inverse: Float[Array, "B s r"] | None = None,
-    *,
-    chunk: int = 512,
 ) -> Float[Array, "B k o"]:
     """Residuals of a model that differs little from the one that starts were found with, from its own best starts.
 
@@ -82,12 +46,12 @@ def follow_starts(
         objective: How rollouts are compared with windows.
         batch: Windows with the starts that were found.
         inverse: As it was found with them; None leaves starts where they are.
-        chunk: Number of windows rolled out at once.
 
     Returns:
         The residuals of every window.
     """
-    return _follow(without_silent(dynamics), objective, batch, inverse, chunk=chunk)
+    lean = without_silent(dynamics)
+    return _block_by_block(lambda some: _follow(lean, objective, *some), (batch, inverse))
 
 
 def evaluate_residuals(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Float[Array, "B k o"]:
@@ -144,28 +108,24 @@ def integration_error(
         return mean_square(one - other)
 
 
+def _block_by_block(function: Callable[[PyTree], PyTree], batch: PyTree) -> PyTree:
+    """Apply a function of a block of windows to any number of them; the last one is repeated to fill the last block."""
+    batch = jax.tree.map(np.asarray, batch)
+    total = len(jax.tree.leaves(batch)[0])
+    blocks = (np.minimum(np.arange(start, start + _BLOCK), total - 1) for start in range(0, total, _BLOCK))
+    results = [function(jax.tree.map(lambda x: x[block], batch)) for block in blocks]  # noqa: B023 - called at once
+    return jax.device_put(jax.tree.map(lambda *parts: np.concatenate(parts)[:total], *results))
+
+
 @eqx.filter_jit
-def _find(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch, *, chunk: int) -> Found:
+def _find(dynamics: AbstractDynamics, objective: AbstractObjective, block: Batch) -> Found:
     """`find_starts`, compiled."""
-
-    def one(window: Batch) -> Found:
-        return find_start(dynamics, objective, window, iterations=_ITERATIONS)
-
-    return map_windows(one, batch, chunk=chunk)
+    return jax.vmap(lambda window: find_start(dynamics, objective, window, iterations=_ITERATIONS))(block)
 
 
 @eqx.filter_jit
 def _follow(
-    dynamics: AbstractDynamics,
-    objective: AbstractObjective,
-    batch: Batch,
-    inverse: Float[Array, "B s r"] | None,
-    *,
-    chunk: int,
+    dynamics: AbstractDynamics, objective: AbstractObjective, block: Batch, inverse: Float[Array, "B s r"] | None
 ) -> Float[Array, "B k o"]:
     """`follow_starts`, compiled."""
-
-    def one(pair: tuple[Batch, Float[Array, "s r"] | None]) -> Float[Array, "k o"]:
-        return follow_start(dynamics, objective, *pair).residuals
-
-    return map_windows(one, (batch, inverse), chunk=chunk)
+    return jax.vmap(lambda *pair: follow_start(dynamics, objective, *pair).residuals)(block, inverse)

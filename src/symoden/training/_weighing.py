@@ -41,7 +41,7 @@ class Whitening(NamedTuple):
         Returns:
             No lags, and a scale of one.
         """
-        return cls(jnp.zeros((_ORDER, channels, channels), float), jnp.eye(channels, dtype=float))
+        return cls(*map(jax.device_put, (np.zeros((_ORDER, channels, channels)), np.eye(channels))))
 
     def __call__(self, errors: Float[Array, "k o *P"]) -> Float[Array, "k o *P"]:
         """Innovations of the errors of one window, or of their derivatives.
@@ -81,7 +81,7 @@ class Weighing(NamedTuple):
         Returns:
             The weighing.
         """
-        return cls(jnp.asarray(level, float), Whitening.none(channels), jnp.ones((), float))
+        return cls(jnp.asarray(level, float), Whitening.none(channels), jnp.asarray(1.0, float))
 
     def whitened(self, residuals: Float[np.ndarray, "B k o"]) -> "Weighing":
         """The same with errors weighed by what is new in them; where starts are estimated, all of it is.
