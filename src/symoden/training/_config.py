@@ -33,11 +33,13 @@ class TrainingConfig:
         damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
         prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance; where priors are
             learned, the first one.
-        patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops.
-        growth_steps: Further steps in which a learned g may depend on the configuration, as many in which dry and
-            quadratic friction is free, and again with the priors that were learned and with the blocks' networks free;
-            kept if validation gains by more than two standard errors, friction if by more than one. Networks stay
-            closed where more than 4000 numbers would be free with them, as on arms of four joints and more.
+        patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops; where something is
+            set free, without a clear one on the training data either.
+        growth_steps: Largest number of steps of each stage that sets something free (lengths in the inertia, a g that
+            depends on the configuration, a V of other shapes, friction's laws, their directions, and at the end
+            networks), and of the refit after priors are learned. What is set free stays so if validation gains by more
+            than two standard errors, friction's laws if by more than one. Networks stay closed where more than 4000
+            numbers would be free with them, as on arms of four joints and more. 0 leaves all of these stages out.
         relevance_steps: Steps after friction, and half as many in longer windows, in which every group of parameters
             learns a prior of its own, so that noisy data use no more parameters than they determine; kept unless
             validation speaks against it.
