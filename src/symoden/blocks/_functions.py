@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, PRNGKeyArray
 
 from symoden.shapes import Coordinates
@@ -108,9 +109,8 @@ class Perceptron(eqx.Module):
             a first layer of high frequencies, or they learn smooth functions only.
         """
         wave_key, phase_key, *keys = jax.random.split(key, len(sizes) + 1)
-        orthogonal = jax.nn.initializers.orthogonal()
-        weights = [orthogonal(k, shape, float) for k, shape in zip(keys, itertools.pairwise(sizes), strict=True)]
-        biases = [jnp.zeros(size, float) for size in sizes[1:]]
+        weights = [_orthogonal(k, *shape) for k, shape in zip(keys, itertools.pairwise(sizes), strict=True)]
+        biases = [jnp.asarray(np.zeros(size), float) for size in sizes[1:]]
         if activation == "sin":
             weights[0] = _WAVES * jax.random.normal(wave_key, weights[0].shape, float)
             biases[0] = jax.random.uniform(phase_key, biases[0].shape, float, -jnp.pi, jnp.pi)
@@ -206,3 +206,13 @@ class Sum(AbstractFunction):
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""
         return sum((term(q) for term in self.terms[1:]), start=self.terms[0](q))
+
+
+def _orthogonal(key: PRNGKeyArray, rows: int, columns: int) -> Float[Array, "_ _"]:
+    """A matrix of orthonormal rows or columns, whichever are fewer, drawn evenly: as JAX's initializer does."""
+    normal = jax.random.normal(key, (max(rows, columns), min(rows, columns)), float)
+    # By NumPy where it can: JAX compiles for every shape, which takes longer than all else that makes a model.
+    xp = jnp if isinstance(normal, Tracer) else np
+    Q, R = xp.linalg.qr(xp.asarray(normal))
+    Q = jnp.asarray(Q * xp.sign(xp.diag(R))[None])
+    return Q.T if rows < columns else Q

@@ -1,5 +1,6 @@
 """Scales of a model that controllers take their defaults from; none of them depends on the unit of momentum."""
 
+import functools
 from collections.abc import Callable
 
 import equinox as eqx
@@ -9,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractPortHamiltonian
-from symoden.shapes import Coordinates
+from symoden.shapes import Coordinates, Scalar
 
 from ._motion import gradient, potential
 
@@ -46,8 +47,8 @@ def bandwidth(model: AbstractPortHamiltonian, target: Coordinates) -> float:
     Returns:
         √max |λ(M⁻¹ ∇²V)| [rad/s], at least 1.
     """
-    hessian = np.asarray(jax.hessian(potential, argnums=1)(model, target))
-    rates = np.linalg.eigvals(np.linalg.solve(np.asarray(model.mass_matrix(target)), hessian))
+    hessian, mass = map(np.asarray, _stiffness_and_mass(model, target))
+    rates = np.linalg.eigvals(np.linalg.solve(mass, hessian))
     return max(_LEAST, float(np.sqrt(np.abs(rates).max())))
 
 
@@ -61,11 +62,7 @@ def static_load(model: AbstractPortHamiltonian, target: Coordinates) -> Float[np
     Returns:
         One magnitude for each input, by least squares where there are fewer inputs than coordinates.
     """
-
-    def load(q: Coordinates) -> Float[Array, " m"]:
-        return jnp.abs(jnp.linalg.lstsq(model.input_matrix(q), gradient(model, q))[0])
-
-    return np.asarray(_largest(load, configurations(model, target)))
+    return np.asarray(_largest(_load, model, configurations(model, target)))
 
 
 def energy_range(model: AbstractPortHamiltonian, target: Coordinates) -> float:
@@ -79,10 +76,28 @@ def energy_range(model: AbstractPortHamiltonian, target: Coordinates) -> float:
         The range, in the model's unit.
     """
     q = configurations(model, target)
-    return float(_largest(lambda q: potential(model, q), q) + _largest(lambda q: -potential(model, q), q))
+    return float(_largest(potential, model, q) + _largest(_depth, model, q))
 
 
 @eqx.filter_jit
-def _largest(function: Callable, q: Float[Array, "k n"]) -> Array:
-    """Largest values of a function."""
-    return jax.vmap(function)(q).max(axis=0)
+def _largest(function: Callable, model: AbstractPortHamiltonian, q: Float[Array, "k n"]) -> Array:
+    """Largest values of a function of the model."""
+    return jax.vmap(functools.partial(function, model))(q).max(axis=0)
+
+
+def _load(model: AbstractPortHamiltonian, q: Coordinates) -> Float[Array, " m"]:
+    """Inputs that hold the system still."""
+    return jnp.abs(jnp.linalg.lstsq(model.input_matrix(q), gradient(model, q))[0])
+
+
+def _depth(model: AbstractPortHamiltonian, q: Coordinates) -> Scalar:
+    """Potential energy, downwards."""
+    return -potential(model, q)
+
+
+@eqx.filter_jit
+def _stiffness_and_mass(
+    model: AbstractPortHamiltonian, q: Coordinates
+) -> tuple[Float[Array, "n n"], Float[Array, "n n"]]:
+    """∇²V and M."""
+    return jax.hessian(potential, argnums=1)(model, q), model.mass_matrix(q)

@@ -77,6 +77,7 @@ def freed(model: PyTree) -> int:
 
 
 def cast(model: PyTree, dtype: DTypeLike) -> PyTree:
-    """Change the precision of every array of floats."""
+    """Change the precision of every array of floats; what is too large for it is infinite."""
     # On the host: on a device every shape is a program, which takes 20 ms to compile.
-    return jax.tree.map(lambda x: jax.device_put(np.asarray(x, dtype)) if eqx.is_inexact_array(x) else x, model)
+    with np.errstate(over="ignore"):
+        return jax.tree.map(lambda x: jax.device_put(np.asarray(x, dtype)) if eqx.is_inexact_array(x) else x, model)

@@ -18,6 +18,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
 from symoden.spaces import Space
 
+from ._flatten import cast
 from ._weighing import Weighing, Whitening
 
 _MOST_TRUST = 1e3  # In a sensor, against the residuals.
@@ -45,8 +46,7 @@ class Batch(NamedTuple):
     def of(cls, windows: Windows, dtype: DTypeLike = float) -> "Batch":
         """Windows in the given precision."""
         start = np.concatenate([windows.q[:, 0], windows.rates[:, 0]], axis=1)
-        parts = windows.ts, windows.q, windows.rates, windows.us, start
-        return cls(*jax.device_put([np.asarray(part, dtype) for part in parts]))
+        return cast(cls(*jax.device_put([windows.ts, windows.q, windows.rates, windows.us, start])), dtype)
 
     def take(self, index: Array | np.ndarray | slice) -> "Batch":
         """Choose windows."""
