@@ -62,6 +62,9 @@ def test_a_part_that_is_nearly_right_is_corrected_in_the_growth_stage(pendulum):
     config = dataclasses.replace(STEPS, validation=0.25, growth_steps=6, adam_steps=5)
     stages, state = _prepare(dataset, MODEL, config)
     assert [stage.name for stage in stages] == ["growth"]  # Nothing else is free.
+    long = dataclasses.replace(dataset, train=pendulum(count=12, samples=200).train)
+    stages, _ = _prepare(long, MODEL, dataclasses.replace(config, lm_horizon=None))
+    assert [stage.name for stage in stages] == ["growth"]  # Nor in longer windows.
     before: Any = state.model
     after: Any = fit(dataset, model=MODEL, config=config).model
     assert isinstance(after.potential.correction.function, Correction)

@@ -105,14 +105,14 @@ def _has_parameters(formula: Formula) -> bool:
     return any(expression.names & set(formula.parameters) for expression in formula.expressions)
 
 
+@eqx.filter_jit
 def _value_and_slopes(
     model: StructuredModel | UnstructuredModel, name: str
-) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r k"]]:
+) -> tuple[Float[Array, " r"], Float[Array, "r k"]]:
     """A part at some states, and its derivatives by the learned parameters."""
     generator = np.random.default_rng(0)
     q, v = (jnp.asarray(generator.normal(size=(_STATES, model.space.size)), float) for _ in range(2))
 
-    @eqx.filter_jit
     def part(model: StructuredModel | UnstructuredModel) -> Float[Array, " r"]:
         of: dict[str, Callable[..., Array]] = {
             "mass_matrix": lambda q, v: model.mass_matrix(q),
@@ -122,10 +122,10 @@ def _value_and_slopes(
         }
         return jax.vmap(of[name])(q, v).ravel()
 
-    value = np.asarray(part(model))
+    value = part(model)
     parameters = model.parameters if isinstance(model, StructuredModel) else None
     if parameters is None:
-        return value, np.zeros((len(value), 0))
+        return value, jnp.zeros((len(value), 0), value.dtype)
 
     free, rest = eqx.partition(parameters, trainable(parameters))
     theta, restore = ravel_pytree(jax.tree.map(lambda leaf: leaf.astype(q.dtype), free))
@@ -133,11 +133,12 @@ def _value_and_slopes(
     def at(theta: Float[Array, " k"]) -> Float[Array, " r"]:
         return part(dataclasses.replace(model, parameters=eqx.combine(restore(theta), rest)))
 
-    return value, np.asarray(jax.jacfwd(at)(theta))
+    return value, jax.jacfwd(at)(theta)
 
 
-def _is_fixed(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> bool:
+def _is_fixed(found: Sequence[tuple[Array, Array]]) -> bool:
     """Whether no change of the parameters does what a common factor does."""
+    parts = [(np.asarray(value), np.asarray(slopes)) for value, slopes in found]
     values = np.concatenate([value / (np.linalg.norm(value) or 1) for value, _ in parts])
     slopes = np.concatenate([slope / (np.linalg.norm(value) or 1) for value, slope in parts])
     left = values - slopes @ np.linalg.lstsq(slopes, values, rcond=1e-6)[0] if slopes.shape[1] else values

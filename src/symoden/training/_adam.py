@@ -89,10 +89,10 @@ class Adam(eqx.Module):
         """What it does in a step."""
         fall = optax.cosine_decay_schedule(1.0, 1)
 
-        def rate(count: ArrayLike) -> Array:
-            share = jnp.asarray(count, self.steps.dtype) / self.steps
-            return self.learning_rate * fall(share) if self.cosine else self.learning_rate
+        def falling(count: ArrayLike) -> Array:
+            return self.learning_rate * fall(jnp.asarray(count, self.steps.dtype) / self.steps)
 
+        rate = falling if self.cosine else self.learning_rate
         clipping = optax.identity() if self.clip is None else optax.clip_by_global_norm(self.clip)
         chain = optax.chain(optax.add_decayed_weights(self.weight_decay), clipping, optax.adam(rate))
         return optax.apply_if_finite(chain, max_consecutive_errors=np.iinfo(np.int32).max)

@@ -80,7 +80,7 @@ class AdamStage(AbstractStage):
         model = restore(Flattening.of(eqx.combine(after.free, fixed), corrections=self._kinds, dtype=theta.dtype)[1])
         validation = self.data.validation_loss(model, self.data.objective)
         state = state._replace(step=state.step + steps, model=model, memory=after.optimizer)
-        finite = np.asarray(losses)[np.isfinite(losses)]  # The others were skipped.
+        finite = np.asarray(losses)[np.isfinite(losses)]  # The others were skipped, or not taken.
         loss = float(np.mean(finite)) if finite.size else math.inf
         if not math.isfinite(loss):
             return state._replace(model=state.best), Report(loss, validation, finished=True, outcome=DIVERGED)

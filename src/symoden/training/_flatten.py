@@ -46,7 +46,7 @@ class Flattening(eqx.Module):
         free, fixed = eqx.partition(model, trainable(model, corrections=corrections))
         fixed = cast(fixed, dtype)
         leaves, structure = jax.tree.flatten(free)
-        theta = jax.device_put(np.concatenate([np.ravel(leaf) for leaf in leaves]).astype(dtype))
+        theta = cast(np.concatenate([np.ravel(leaf) for leaf in leaves]), dtype)
         return cls(fixed, structure, tuple(leaf.shape for leaf in leaves), corrections), theta
 
     def lean(self, theta: Float[Array, " P"]) -> "Flattening":
@@ -62,7 +62,7 @@ class Flattening(eqx.Module):
         return Flattening.of(model, corrections=self.corrections, dtype=theta.dtype)[0]
 
     def __call__(self, theta: Float[Array, " P"]) -> PyTree:
-        """Model with these parameters."""
+        """Model with these parameters, in their precision unless it is double where that is switched off."""
         ends = np.cumsum([int(np.prod(shape)) for shape in self.shapes])[:-1]
         traced = isinstance(theta, Tracer)
         parts = jnp.split(theta, ends) if traced else np.split(np.asarray(theta), ends)

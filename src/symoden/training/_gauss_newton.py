@@ -28,7 +28,7 @@ MOST_PARAMETERS: Final = 4000  # Beyond, matrices take gigabytes, and what is do
 
 _LARGEST_JACOBIAN = 2**23  # Entries of a block.
 _MOST_KEPT = 2**28  # Entries of all blocks.
-_CACHED_WINDOWS = 16
+_CACHED_WINDOWS = 16  # They stay in the processor's cache (`benchmarks/`).
 _PINNED = 1e-5  # Relative standard deviation.
 
 
@@ -173,7 +173,7 @@ class Linearization:
         theta: Flat parameters.
         objective: How rollouts are compared with windows.
         found: Windows from their best starts.
-        chunk: Number of windows in a block; as many as stay in the processor's cache if None.
+        chunk: Number of windows in a block; if None 16, or fewer of so many numbers that these are more than 64 MB.
         precision: Of J.
     """
 

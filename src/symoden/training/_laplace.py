@@ -135,7 +135,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
         where = restore, theta, data.objective, solver, data.train
         weighing = Weighing.plain(data.objective.weights.size, expected_level(*where))
-        # As training weighs errors while it learns priors.
+        # As training weighs errors while it learns priors, once what these keep is free.
         residuals = np.asarray(evaluate_residuals(model, data.objective.refined(solver, weighing), data.train), float)
         if config.relevance_steps and mean_square(residuals) >= EXPLAINED:
             weighing = weighing.whitened(residuals)

@@ -85,7 +85,8 @@ class LevenbergStage(AbstractStage):
 
     def applies(self, state: TrainingState) -> bool:
         """Whether the stages before have left the stage something to do."""
-        if state.origin < self.after:
+        free = self._free(state.best, state.best)
+        if state.origin < self.after or not count_parameters(state.best, corrections=free):
             return False
         if self.rollouts is not None:
             return state.best_loss >= FOUND
@@ -101,7 +102,7 @@ class LevenbergStage(AbstractStage):
         best = cast(self._first(state), dtype)
         weighing = self._plain(best)
         loss = state.best_loss
-        if not self._has_freed(state.best) and self._is_below(EXPLAINED, loss):  # In these windows, too?
+        if self.margin is not None and self._is_below(EXPLAINED, loss):  # In these windows, too?
             loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
         if not self._needless(state._replace(best_loss=loss)):
             weighing, loss = self._weighed(best, state)
@@ -110,7 +111,7 @@ class LevenbergStage(AbstractStage):
         priors = fresh if self.widens else known
         if self.learns:  # Beside the residuals of these windows.
             kept = known.kept if self.widens and known.kept >= 0 else freed(best)
-            kept = kept if self.fresh is None else self._flattened(best, state.best)[0].corrections
+            kept = kept if self.fresh is None else self._free(best, state.best)
             priors = priors.forgotten().narrowed(best, int(kept), self.corrections)
         return state._replace(
             step=0,
@@ -128,8 +129,9 @@ class LevenbergStage(AbstractStage):
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
         if state.step == 0 and (why := self._needless(state)):
-            loss, verdict = state.best_loss, f"skipped ({why})"
-            return self._undone(state), Report(loss, loss, finished=True, outcome=why, verdict=verdict)
+            state, verdict = self._undone(state), f"skipped ({why})"
+            loss = state.best_loss
+            return state, Report(loss, loss, finished=True, outcome=why, verdict=verdict)
         substeps = self._refined(state)
         objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
@@ -250,7 +252,7 @@ class LevenbergStage(AbstractStage):
         """What the errors of the model count that the stage begins with; and its loss."""
         kept = freed(best)
         kept = kept if count_parameters(best, corrections=kept) else self.corrections
-        # What is not free yet has learned nothing of the data: of what these leave open, it tells nothing either.
+        # The level by what is free already: what the stage sets free has fitted nothing yet.
         restore, theta = Flattening.of(best, corrections=kept, dtype=self.data.train.q.dtype)
         where = self.data.objective, RK4(jnp.asarray(state.substeps)), self.data.train
         level = expected_level(restore, theta, *where)
@@ -263,8 +265,12 @@ class LevenbergStage(AbstractStage):
 
     def _flattened(self, model: AbstractDynamics, before: AbstractDynamics) -> tuple[Flattening, Float[Array, " P"]]:
         """What is free of a model; if it began anew, also what was free of the best one before."""
+        return Flattening.of(model, corrections=self._free(model, before), dtype=self.data.train.q.dtype)
+
+    def _free(self, model: AbstractDynamics, before: AbstractDynamics) -> int:
+        """Which kinds of corrections that are, as flags."""
         kept = freed(model) if self.fresh is None else freed(model) | freed(before) & ~(FRICTION | DIRECTIONS)
-        return Flattening.of(model, corrections=self.corrections | kept, dtype=self.data.train.q.dtype)
+        return self.corrections | kept
 
     def _first(self, state: TrainingState) -> AbstractDynamics:
         """What to begin with: the best model so far, or the guess if its rollouts are better."""

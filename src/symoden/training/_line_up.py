@@ -177,7 +177,8 @@ def _further(
         stages.append(_actuation_anew(dynamics, data, config, learns=learns))
     again = (learn + 1) // 2 if learns else grow  # At a factor of three a step priors are through in 17.
     anew = functools.partial(whitened, steps=again, margin=-_CLEAR, learns=learns, widens=True)
-    stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
+    if stages or count(corrections=judged):  # Else every part is given, and nothing is free before networks are.
+        stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
     longest = longer[-1] if longer else data
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))

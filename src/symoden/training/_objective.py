@@ -50,7 +50,7 @@ class Batch(NamedTuple):
 
     def take(self, index: Array | np.ndarray | slice) -> "Batch":
         """Choose windows."""
-        if isinstance(index, Tracer):
+        if any(isinstance(x, Tracer) for x in (index, *self)):
             return jax.tree.map(lambda x: x[index], self)
         # On the host: on a device every shape is a program, which takes 20 ms to compile.
         return Batch(*jax.device_put([np.asarray(x)[index] for x in self]))
@@ -227,7 +227,7 @@ def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:
     Returns:
         Weight of every observed channel.
     """
-    q, space = np.asarray(batch.q), dynamics.space
+    q, space = np.asarray(batch.q), dynamics.space  # Embedded as by `Space.embed`.
     angles = q[..., space.angles]
     observed = np.concatenate([q[..., space.lengths], np.cos(angles), np.sin(angles), batch.rates], axis=-1)
     spread = np.sqrt(np.mean((observed[:, 1:] - observed[:, :1]) ** 2, axis=(0, 1)))

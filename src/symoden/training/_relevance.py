@@ -55,7 +55,7 @@ class Relevance(NamedTuple):
             The priors.
         """
         free = eqx.filter(model, trainable(model))
-        precision = jax.tree.map(lambda x: jax.device_put(np.full(x.shape, prior)), free)
+        precision = jax.tree.map(lambda x: jax.device_put(np.full(x.shape, prior, float)), free)
         return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float), jnp.asarray(-1))
 
     def unrecorded(self) -> "Relevance":

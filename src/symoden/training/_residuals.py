@@ -15,7 +15,7 @@ from ._objective import AbstractObjective, Batch
 from ._starts import Found, find_start, follow_start
 
 _ITERATIONS = 3
-_BLOCK = 64  # Windows. One program for them compiles for seconds, for training and validation windows alike.
+_BLOCK = 64  # Windows. A program compiles for seconds: of one size, it serves training and validation windows alike.
 
 
 def find_starts(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Found:
