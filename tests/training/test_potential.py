@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import POTENTIAL, Polynomial
+from symoden.blocks import FRICTION, POTENTIAL, Polynomial
 from symoden.models import BlockConfig, ModelConfig, awaken, build
 from symoden.spaces import Space
 from symoden.training import fit
@@ -88,6 +88,23 @@ def test_harmonics_of_single_angles_are_found_where_there_are_some(slope, kinds,
     result = fit(dataset, model=model, config=second_order)
     assert freed(result.model) == kinds
     assert worst(result.model, slope, [-3.0], [3.0]) < 0.05
+
+
+@pytest.mark.parametrize("cogging", [3.0, 0.0])
+def test_cogging_and_dry_friction_are_found_together(cogging, driven, second_order):
+    def slope(q):
+        return 2.0 * np.sin(q) + cogging * np.sin(12.0 * q)
+
+    def accelerate(q, v, u):
+        return masses(slope)(q, v, u) - 1.5 * v / np.sqrt(v**2 + 0.05**2)
+
+    dataset = driven(accelerate, [0.5], space="T1", amplitude=4.0, noise=0.002, input_matrix=np.eye(1))
+    model = replace(MODEL, potential=BlockConfig(hidden=(3,), harmonics=True), knees=(0.1,))
+    result = fit(dataset, model=model, config=replace(second_order, growth_steps=20))
+    kept = [name for name, verdict in result.verdicts.items() if verdict.startswith("kept")]
+    assert kept == ["friction", "potential and friction"] if cogging else ["friction"]
+    assert freed(result.model) == FRICTION | (POTENTIAL if cogging else 0)
+    assert worst(result.model, slope, [-2.0], [2.0]) < 0.1
 
 
 def test_a_network_grows_from_where_it_was_drawn(driven, second_order):

@@ -36,11 +36,11 @@ class TrainingConfig:
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops; where something is
             set free, without a clear one on the training data either.
         growth_steps: Largest number of steps of each stage that sets something free (lengths in the inertia, a g that
-            depends on the configuration, a V of other shapes, friction's laws, their directions, and at the end
-            networks), and of the refit after priors are learned. What is set free stays so if validation gains by more
-            than two standard errors, friction's laws if by more than one. Networks stay closed where more than 4000
-            numbers would be free with them, as on arms of four joints and more. 0 leaves all of these stages out, and
-            longer windows.
+            depends on the configuration, a V of other shapes, friction's laws, both together, what depends on the
+            direction, and at the end networks), and of the refit after priors are learned. What is set free stays so
+            if validation gains by more than two standard errors, friction's laws if by more than one. Networks stay
+            closed where more than 4000 numbers would be free with them, as on arms of four joints and more. 0 leaves
+            all of these stages out, and longer windows.
         relevance_steps: Steps after friction, and half as many in longer windows, in which every group of parameters
             learns a prior of its own, so that noisy data use no more parameters than they determine; kept unless
             validation speaks against it.

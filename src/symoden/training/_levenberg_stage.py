@@ -58,6 +58,7 @@ class LevenbergStage(AbstractStage):
         widens: Priors are as wide as at first.
         frees: It sets something free: nothing is done where that is free already, and steps go on as long as they fit
             the data clearly better, whatever validation says meanwhile.
+        unless: Kinds of corrections, as flags; where one of them is free the stage has nothing to do.
         guess: A model to begin with where its rollouts are better than those of the best one so far.
         fresh: An untrained model to begin with in any case. What stages before have set free and kept is free, but for
             friction's laws: from wide priors on these take up what is not yet explained.
@@ -77,6 +78,7 @@ class LevenbergStage(AbstractStage):
     learns: bool = False
     widens: bool = False
     frees: bool = False
+    unless: int = 0
     guess: AbstractDynamics | None = None
     fresh: AbstractDynamics | None = None
     plain: int = 0
@@ -87,6 +89,8 @@ class LevenbergStage(AbstractStage):
         """Whether the stages before have left the stage something to do."""
         free = self._free(state.best, state.best)
         if state.origin < self.after or not count_parameters(state.best, corrections=free):
+            return False
+        if self.unless & freed(state.best):
             return False
         if self.rollouts is not None:
             return state.best_loss >= FOUND

@@ -22,6 +22,7 @@ from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
 
 _MANY: Final = 3  # Coordinates.
+_AGAIN: Final = "potential and friction"
 _CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
 _CLEAR: Final = 2.0  # The same for what few machines have, or is asked last: ask often, and chance says yes.
 
@@ -122,6 +123,9 @@ def _further(
     lengths, and the series of single angles, are asked for early. On angles networks come last, since harmonics hold
     what rigid bodies have, and cogging; a series that was refused stays closed then.
 
+    If V's was refused, it is asked for once more together with friction's laws: of a drive with cogging and dry
+    friction, either alone bends to take up what the other leaves.
+
     Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
     What depends on the direction is not, unless validation asked for it: on a measured arm
@@ -155,16 +159,19 @@ def _further(
     judged = FRICTION if rubs else 0
     learns = learn > 0 and fits(judged)
     turns = has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)
+    bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
     of = "regression: " if regression else ""
     asked = (
         ("inertia", INERTIA, _CLEAR, has(INERTIA) and fits(judged | DIRECTIONS | INERTIA)),
         ("actuation", ACTUATION, _CLEAR, turns),
-        ("potential", POTENTIAL, _CLEAR, has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)),
+        ("potential", POTENTIAL, _CLEAR, bends),
         ("friction", FRICTION, _CHANCE, rubs),
+        (_AGAIN, POTENTIAL | FRICTION, _CLEAR, rubs and bends),
         ("directions", FRICTION | DIRECTIONS, _CLEAR, rubs and has(DIRECTIONS)),
     )
+    further = functools.partial(LevenbergStage, data, config, frees=True)
     stages = [
-        LevenbergStage(data, config, of + name, grow, kinds, margin=margin, frees=True)
+        further(of + name, grow, kinds, margin=margin, unless=POTENTIAL if name == _AGAIN else 0)
         for name, kinds, margin, sensible in asked
         if sensible
     ]
