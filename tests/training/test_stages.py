@@ -112,11 +112,12 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
     stages = [s for s in line_up(pendulum(samples=400), model, [model], config) if isinstance(s, LevenbergStage)]
     both = FRICTION | DIRECTIONS
-    kinds = [0, ACTUATION, POTENTIAL, FRICTION, both, *[FRICTION] * 4, FRICTION | NETWORKS]
+    kinds = [0, ACTUATION, POTENTIAL, FRICTION, POTENTIAL | FRICTION, both, *[FRICTION] * 4, FRICTION | NETWORKS]
     names = [
         "actuation",
         "potential",
         "friction",
+        "potential and friction",
         "directions",
         "relevance",
         "longer windows 2x",
@@ -128,6 +129,7 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
         zip(["levenberg-marquardt", *names], kinds, strict=True)
     )
     assert stages[0].margin is None
+    assert [each.name for each in stages if each.unless] == ["potential and friction"]
     for before, after in itertools.pairwise(stages):
         assert after.whitens == (not after.corrections & ~before.corrections)  # What sets nothing free.
         assert after.margin is not None
