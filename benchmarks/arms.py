@@ -87,14 +87,14 @@ def simulate(arm: AbstractMechanical, seconds: float, generator: Generator) -> d
     }
 
 
-def write(path: Path, recording: dict[str, np.ndarray]) -> None:
+def write(path: Path, recording: dict[str, np.ndarray], *, digits: int = 7) -> None:
     """A CSV file of one recording."""
     path.parent.mkdir(parents=True, exist_ok=True)
     names = [f"{letter}{k + 1}" for letter, columns in recording.items() for k in range(columns.shape[1])]
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
-        writer.writerows(np.concatenate([*recording.values()], axis=1).round(7).tolist())
+        writer.writerows(np.concatenate([*recording.values()], axis=1).round(digits).tolist())
 
 
 def description(joints: int, robot: str) -> str:

@@ -9,14 +9,14 @@ measured starts, are from the test recordings: no model can be expected to do be
 """
 
 import argparse
-import csv
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from arms import write
 from numpy.random import Generator
 
 from symoden import KnownParts, read_dataset
@@ -44,9 +44,9 @@ class Machine:
         pace: Slowest and fastest of three sines that make what is wanted [rad/s]; or 0 and the time in which the
             machine moves from one point to the next [s].
         start: Coordinates at rest at the beginning; half a spread about them is drawn.
+        rate: Samples a second.
         steps: Smallest step that is logged of every coordinate [m, rad]: a sensor's resolution.
         noise: Standard deviation of every coordinate's noise [m, rad].
-        rate: Samples a second.
         seconds: Length of a recording.
         recordings: How many recordings each part has.
     """
@@ -57,11 +57,11 @@ class Machine:
     wanted: tuple[tuple[float, float], ...]
     pace: tuple[float, float]
     start: tuple[tuple[float, float], ...]
-    steps: tuple[float, ...]
-    noise: tuple[float, ...]
     rate: float
-    seconds: float
-    recordings: dict[str, int]
+    steps: tuple[float, ...] = (0.0,)
+    noise: tuple[float, ...] = (0.0,)
+    seconds: float = 12.0
+    recordings: Mapping[str, int] = field(default_factory=lambda: PARTS)
 
     @property
     def inputs(self) -> int:
@@ -103,7 +103,6 @@ MACHINES: dict[str, Machine] = {
         pace=(0.0, 1.5),
         start=((0.0, 0.0),),
         steps=(2e-6,),
-        noise=(0.0,),
         rate=1000.0,
         seconds=24.8,
         recordings={"train": 1, "test": 1},
@@ -121,10 +120,7 @@ MACHINES: dict[str, Machine] = {
         pace=(1.0, 12.0),
         start=((0.0, 0.0), (0.0, 0.0)),
         steps=(1e-5, 1e-5),
-        noise=(0.0, 0.0),
         rate=500.0,
-        seconds=12.0,
-        recordings=PARTS,
     ),
     "cogging": Machine(
         space="T1",
@@ -139,10 +135,7 @@ MACHINES: dict[str, Machine] = {
         pace=(0.7, 4.0),
         start=((0.0, 0.5),),
         steps=(turn(8192),),
-        noise=(0.0,),
         rate=200.0,
-        seconds=12.0,
-        recordings=PARTS,
     ),
     # Motor and link, joined by a spring.
     "elastic": Machine(
@@ -158,10 +151,8 @@ MACHINES: dict[str, Machine] = {
         pace=(0.8, 6.0),
         start=((0.0, 0.0), (0.0, 0.0)),
         steps=(turn(16384), turn(16384)),
-        noise=(0.0, 0.0),
         rate=200.0,
         seconds=15.0,
-        recordings=PARTS,
     ),
     # A motor in volts, whose back-EMF is friction; the pole hangs.
     "cartpole": Machine(
@@ -177,10 +168,7 @@ MACHINES: dict[str, Machine] = {
         pace=(1.5, 9.0),
         start=((0.0, 0.0), (0.0, 1.5)),
         steps=(2.3e-5, turn(4096)),
-        noise=(0.0, 0.0),
         rate=500.0,
-        seconds=12.0,
-        recordings=PARTS,
     ),
     "wheel": Machine(  # A pendulum with a reaction wheel; the wheel's angle is measured from the pendulum.
         space="T2",
@@ -195,10 +183,7 @@ MACHINES: dict[str, Machine] = {
         pace=(3.0, 8.0),
         start=((0.0, 1.0), (0.0, 0.0)),
         steps=(turn(4096), turn(2048)),
-        noise=(0.0, 0.0),
         rate=200.0,
-        seconds=12.0,
-        recordings=PARTS,
     ),
     "furuta": Machine(
         space="T2",
@@ -216,10 +201,7 @@ MACHINES: dict[str, Machine] = {
         pace=(2.0, 9.0),
         start=((0.0, 0.0), (0.0, 2.5)),
         steps=(turn(2048), turn(2048)),
-        noise=(0.0, 0.0),
         rate=200.0,
-        seconds=12.0,
-        recordings=PARTS,
     ),
     # A planar drone: thrusts of two propellers along the body's normal, drag; it follows points in the plane.
     "drone": Machine(
@@ -234,11 +216,8 @@ MACHINES: dict[str, Machine] = {
         wanted=((0.0, 1.5), (1.0, 0.8)),
         pace=(0.8, 2.5),
         start=((0.0, 0.0), (1.0, 0.0), (0.0, 0.0)),
-        steps=(0.0, 0.0, 0.0),
         noise=(1e-3, 1e-3, 2e-3),
         rate=200.0,
-        seconds=12.0,
-        recordings=PARTS,
     ),
     # A boat with two screws: drag by direction, which turns with it.
     "boat": Machine(
@@ -257,11 +236,9 @@ MACHINES: dict[str, Machine] = {
         wanted=((0.0, 4.0), (0.0, 6.0)),
         pace=(0.2, 0.9),
         start=((0.0, 0.0), (0.0, 0.0), (0.0, 1.5)),
-        steps=(0.0, 0.0, 0.0),
         noise=(5e-3, 5e-3, 5e-3),
         rate=20.0,
         seconds=60.0,
-        recordings=PARTS,
     ),
 }
 
@@ -315,15 +292,6 @@ def simulate(machine: Machine, model: AbstractMechanical, generator: Generator) 
     return {"t": ts[:, None], "q": logged, "u": np.asarray(u)}
 
 
-def write(path: Path, recording: dict[str, np.ndarray]) -> None:
-    """A CSV file of one recording."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(f"{letter}{k + 1}" for letter, each in recording.items() for k in range(each.shape[1]))
-        writer.writerows(np.concatenate([*recording.values()], axis=1).round(8).tolist())
-
-
 def description(machine: Machine, size: int) -> str:
     """What TOML says of the logs."""
     return "\n".join(
@@ -352,7 +320,7 @@ def main() -> None:
         model, generator = equations(machine), np.random.default_rng(given.seed)
         for part, count in machine.recordings.items():
             for k in range(count):
-                write(folder / part / f"{k}.csv", simulate(machine, model, generator))
+                write(folder / part / f"{k}.csv", simulate(machine, model, generator), digits=8)
         path = folder / "machine.toml"
         path.write_text(description(machine, model.space.size))
         dataset = read_dataset(path)

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractPortHamiltonian
-from symoden.shapes import Coordinates, Scalar
+from symoden.shapes import Coordinates
 
 from ._motion import gradient, potential
 
@@ -62,7 +62,7 @@ def static_load(model: AbstractPortHamiltonian, target: Coordinates) -> Float[np
     Returns:
         One magnitude for each input, by least squares where there are fewer inputs than coordinates.
     """
-    return np.asarray(_largest(_load, model, configurations(model, target)))
+    return _values(_load, model, configurations(model, target)).max(axis=0)
 
 
 def energy_range(model: AbstractPortHamiltonian, target: Coordinates) -> float:
@@ -75,24 +75,23 @@ def energy_range(model: AbstractPortHamiltonian, target: Coordinates) -> float:
     Returns:
         The range, in the model's unit.
     """
-    q = configurations(model, target)
-    return float(_largest(potential, model, q) + _largest(_depth, model, q))
+    return float(np.ptp(_values(potential, model, configurations(model, target))))
+
+
+def _values(function: Callable, model: AbstractPortHamiltonian, q: Float[Array, "k n"]) -> np.ndarray:
+    """Values of a function of the model at every configuration."""
+    return np.asarray(_compiled_values(function, model, q))
 
 
 @eqx.filter_jit
-def _largest(function: Callable, model: AbstractPortHamiltonian, q: Float[Array, "k n"]) -> Array:
-    """Largest values of a function of the model."""
-    return jax.vmap(functools.partial(function, model))(q).max(axis=0)
+def _compiled_values(function: Callable, model: AbstractPortHamiltonian, q: Float[Array, "k n"]) -> Array:
+    """`_values`, compiled."""
+    return jax.vmap(functools.partial(function, model))(q)
 
 
 def _load(model: AbstractPortHamiltonian, q: Coordinates) -> Float[Array, " m"]:
     """Inputs that hold the system still."""
     return jnp.abs(jnp.linalg.lstsq(model.input_matrix(q), gradient(model, q))[0])
-
-
-def _depth(model: AbstractPortHamiltonian, q: Coordinates) -> Scalar:
-    """Potential energy, downwards."""
-    return -potential(model, q)
 
 
 @eqx.filter_jit

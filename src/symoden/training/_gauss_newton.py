@@ -18,7 +18,7 @@ from symoden.shapes import Inputs, Scalar, State
 
 from ._flatten import Flattening, cast
 from ._objective import AbstractObjective, Batch, Objective
-from ._residuals import find_starts, follow_starts, mean_square
+from ._residuals import filled, find_starts, follow_starts, mean_square
 from ._starts import Found, project_out
 
 Parameters = Float[Array, " P"]
@@ -266,8 +266,7 @@ class Linearization:
         for start in range(0, total, chunk):
             some, block = slice(start, min(start + chunk, total)), self._kept.get(start)
             if block is None:
-                # The last block is filled up with windows that are dropped: one compiled function serves all of them.
-                index = np.minimum(np.arange(start, start + chunk), total - 1)
+                index = filled(start, chunk, total)
                 restore, theta, objective, windows = self._rough
                 block = np.asarray(_jacobian(restore, theta, objective, windows.take(index)))[: some.stop - start]
                 if total * rows * self.theta.size <= _MOST_KEPT:

@@ -22,7 +22,6 @@ from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
 
 _MANY: Final = 3  # Coordinates.
-_AGAIN: Final = "potential and friction"
 _CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
 _CLEAR: Final = 2.0  # The same for what few machines have, or is asked last: ask often, and chance says yes.
 
@@ -162,17 +161,17 @@ def _further(
     bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
     of = "regression: " if regression else ""
     asked = (
-        ("inertia", INERTIA, _CLEAR, has(INERTIA) and fits(judged | DIRECTIONS | INERTIA)),
-        ("actuation", ACTUATION, _CLEAR, turns),
-        ("potential", POTENTIAL, _CLEAR, bends),
-        ("friction", FRICTION, _CHANCE, rubs),
-        (_AGAIN, POTENTIAL | FRICTION, _CLEAR, rubs and bends),
-        ("directions", FRICTION | DIRECTIONS, _CLEAR, rubs and has(DIRECTIONS)),
+        ("inertia", INERTIA, 0, _CLEAR, has(INERTIA) and fits(judged | DIRECTIONS | INERTIA)),
+        ("actuation", ACTUATION, 0, _CLEAR, turns),
+        ("potential", POTENTIAL, 0, _CLEAR, bends),
+        ("friction", FRICTION, 0, _CHANCE, rubs),
+        ("potential and friction", POTENTIAL | FRICTION, POTENTIAL, _CLEAR, rubs and bends),
+        ("directions", FRICTION | DIRECTIONS, 0, _CLEAR, rubs and has(DIRECTIONS)),
     )
     further = functools.partial(LevenbergStage, data, config, frees=True)
     stages = [
-        further(of + name, grow, kinds, margin=margin, unless=POTENTIAL if name == _AGAIN else 0)
-        for name, kinds, margin, sensible in asked
+        further(of + name, grow, kinds, unless=unless, margin=margin)
+        for name, kinds, unless, margin, sensible in asked
         if sensible
     ]
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
 from symoden.blocks import without_silent
 from symoden.mechanics import AbstractDynamics
@@ -108,11 +108,25 @@ def integration_error(
         return mean_square(one - other)
 
 
+def filled(start: int, size: int, total: int) -> Int[np.ndarray, " s"]:
+    """Indices of a block of windows; the last one is repeated to fill the last block, so that one program serves all.
+
+    Args:
+        start: The first.
+        size: Number of windows in a block.
+        total: Number of windows.
+
+    Returns:
+        The indices.
+    """
+    return np.minimum(np.arange(start, start + size), total - 1)
+
+
 def _block_by_block(function: Callable[[PyTree], PyTree], batch: PyTree) -> PyTree:
-    """Apply a function of a block of windows to any number of them; the last one is repeated to fill the last block."""
+    """Apply a function of a block of windows to any number of them."""
     batch = jax.tree.map(np.asarray, batch)
     total = len(jax.tree.leaves(batch)[0])
-    blocks = (np.minimum(np.arange(start, start + _BLOCK), total - 1) for start in range(0, total, _BLOCK))
+    blocks = (filled(start, _BLOCK, total) for start in range(0, total, _BLOCK))
     results = [function(jax.tree.map(lambda x: x[block], batch)) for block in blocks]  # noqa: B023 - called at once
     return jax.device_put(jax.tree.map(lambda *parts: np.concatenate(parts)[:total], *results))
 
