@@ -10,7 +10,7 @@ import jax
 
 from symoden._jaxlib import set_flag
 
-_LEAST_SECONDS: Final = 0.5
+_LEAST_SECONDS: Final = 0.0
 _EMITTERS: Final = (
     "xla_cpu_use_fusion_emitters"  # Off, programs compile in half the time and run as fast (`benchmarks/`).
 )
