@@ -95,6 +95,13 @@ def test_wrong_options(described, tmp_path, capsys):
     assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.parametrize("resume", [(), ("--resume",)])
+def test_a_new_run_needs_a_source(tmp_path, capsys, resume):
+    message = refused(capsys, "train", "--out", tmp_path / "run", *resume)
+    assert "SOURCE must name a task or a description" in message
+    assert "holds no run to go on with" in message
+
+
 def test_a_folder_with_something_in_it_is_left_alone(described, arm_run, tmp_path, capsys):
     folder = shutil.copytree(arm_run, tmp_path / "run")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}

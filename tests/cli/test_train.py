@@ -132,7 +132,7 @@ def test_a_resumed_run_ends_as_one_that_was_never_stopped(trained, arm, tmp_path
     assert main(["evaluate", str(tmp_path / "run")]) == 0
     assert "not all of training is done: stopped at the time limit" in capsys.readouterr().err
     assert (tmp_path / "run" / "model.safetensors").is_file()
-    assert main([*words, "--resume"]) == 0
+    assert main(["train", "--out", str(tmp_path / "run"), "--resume"]) == 0
     assert same_weights(trained, tmp_path / "run")
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import math
+import re
 
 import equinox as eqx
 import jax
@@ -96,10 +97,9 @@ def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_f
     started = last.start(state)
     after, report = last.advance(started)
     assert report.finished
-    said = "" if margin is None else f"kept (validation {-errors:+.1f} standard errors, more than {margin:+.0f} wanted)"
-    if math.isinf(errors):
-        said = f"kept (validation loss {'a tenth or less' if errors < 0 else 'tenfold or more'})"
-    assert report.verdict == (said if kept else f"not {said}")
+    size = "a tenth or less" if errors < 0 else "tenfold or more"
+    size = size if math.isinf(errors) else f"{-errors:+.1f} standard errors"
+    assert told(report.verdict) == ("" if margin is None else f"{kept} {size}, more than {margin:+.0f} wanted")
     first, best = (jax.tree.leaves(each) for each in (started.best, after.best))
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
     assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)
@@ -252,6 +252,17 @@ def test_a_stage_may_begin_with_wide_priors_and_what_was_learned_comes_back_if_i
     assert after.memory is started.memory
 
 
+def told(verdict):
+    """Whether a stage was kept, and by what; without the losses, which must be numbers."""
+    if not verdict:
+        return ""
+    found = re.fullmatch(r"(not )?kept \(validation loss (\S+, before \S+): (.*)\)", verdict)
+    assert found is not None
+    kept, losses, why = found.groups()
+    assert all(float(loss) > 0 for loss in losses.split(", before "))
+    return f"{kept is None} {why}"
+
+
 def test_windows_are_twice_and_four_times_as_long_as_far_as_there_are_enough(pendulum, small, quick, monkeypatch):
     monkeypatch.setattr(_data, "_FEWEST", 2)
     dataset = pendulum()
@@ -282,7 +293,7 @@ def test_priors_that_time_ran_out_for_have_brought_what_they_have_by_then(stage,
     assert not report.finished
     assert eqx.tree_equal(during.best, started.best)
     settled, verdict = relevance.settled(during)
-    assert verdict == f"{'kept' if kept else 'not kept'} (validation -{worse} standard errors, more than -1 wanted)"
+    assert told(verdict) == f"{kept} -{worse} standard errors, more than -1 wanted"
     assert eqx.tree_equal(settled.best, during.model if kept else started.best)
     assert settled.best_loss == pytest.approx(report.validation if kept else started.best_loss)
 

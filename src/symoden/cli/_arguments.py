@@ -9,6 +9,9 @@ from typing import Annotated, Final, Literal, TypeAlias
 from tyro.conf import Positional, arg
 
 SourceName: TypeAlias = Annotated[Positional[str], arg(metavar="SOURCE")]
+OwnSource: TypeAlias = Annotated[
+    Positional[str | None], arg(metavar="[SOURCE]", help_behavior_hint="(default: the run's)")
+]
 RunFolder: TypeAlias = Annotated[Positional[Path], arg(metavar="RUN")]
 Figure: TypeAlias = Annotated[Path | None, arg(metavar="FILE.png", help_behavior_hint="(default: none)")]
 ArrayFile: TypeAlias = Annotated[Path, arg(metavar="FILE.npz")]
@@ -53,7 +56,7 @@ class Train:
 
     Attributes:
         source: A task (pendulum-canonical, pendulum, cartpole, acrobot, cartpole-full, acrobot-full) or the TOML file
-            that describes a data set.
+            that describes a data set; a run that is continued has it.
         out: Folder of the run, absent or empty: config.json, model.safetensors, metrics.jsonl, checkpoints/.
         model: Kind of model: dissipative, unstructured, symoden, naive or geometric.
         preset: Settings: default (Adam, then Levenberg-Marquardt) or paper (its sizes and Adam).
@@ -69,7 +72,7 @@ class Train:
         general: How to report.
     """
 
-    source: SourceName
+    source: OwnSource = None
     out: Annotated[Path, arg(metavar="RUN")]
     model: Annotated[str | None, arg(metavar="KIND", help_behavior_hint="(default: dissipative)")] = None
     preset: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: default)")] = None
@@ -100,7 +103,7 @@ class Evaluate:
     """
 
     run: RunFolder
-    source: Annotated[Positional[str | None], arg(metavar="[SOURCE]", help_behavior_hint="(default: the run's)")] = None
+    source: OwnSource = None
     bands: bool = False
     figure: Figure = None
     general: General = field(default_factory=General)

@@ -87,6 +87,8 @@ def _new(command: Train) -> tuple[RunConfig, Source]:
         raise ValueError(f"`--model` must be one of {', '.join(KINDS)}; got {kind!r}.")
     if seed < 0:
         raise ValueError(f"`--seed` must be at least 0; got {seed}.")
+    if command.source is None:
+        raise ValueError(f"SOURCE must name a task or a description; `{command.out}` holds no run to go on with.")
     name = command.preset or "default"
     source_name = absolute_name(command.source)
     task = source_name if source_name == command.source else None
@@ -114,7 +116,7 @@ def _continued(command: Train) -> tuple[RunConfig, Source]:
     """Settings of the run to continue, and its data, which must be the same as before."""
     config = read_run(command.out)
     asked = {
-        "SOURCE": (absolute_name(command.source), config.source),
+        "SOURCE": (command.source and absolute_name(command.source), config.source),
         "--model": (command.model, config.model.kind),
         "--preset": (command.preset, config.preset),
         "--space": (command.space, config.space),
@@ -145,7 +147,7 @@ def _headline(config: RunConfig, source: Source, command: Train) -> str:
     inputs = f"{data.inputs} input{'' if data.inputs == 1 else 's'}"
     recordings = f"{len(data.train)} recording{'' if len(data.train) == 1 else 's'}"
     return (
-        f"training a {config.model.kind} model of {command.source}: space {data.space}, {inputs}, "
+        f"training a {config.model.kind} model of {command.source or config.source}: space {data.space}, {inputs}, "
         f"{recordings}; preset {config.preset}, seed {config.seed}; into {command.out}"
     )
 

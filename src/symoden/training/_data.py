@@ -63,6 +63,23 @@ class Data(NamedTuple):
         """Loss on the validation windows, if there are any."""
         return None if self.validation is None else evaluate_loss(model, objective, self.validation)
 
+    def gain(
+        self, model: AbstractDynamics, before: AbstractDynamics, objective: AbstractObjective
+    ) -> tuple[float, str]:
+        """By how many standard errors the validation loss of a model is below that of the one before; and in words.
+
+        Losses of different stages cannot be compared: these count errors otherwise, in other windows.
+
+        Returns:
+            Standard errors as `compare` counts them, of the opposite sign; both losses and these.
+        """
+        gain = -self.compare(model, before, objective)
+        loss, others = (evaluate_loss(each, objective, self.judged) for each in (model, before))
+        size = f"{round(gain, 1) + 0.0:+.1f} standard errors"
+        if math.isinf(gain):
+            size = "a tenth or less" if gain > 0 else "tenfold or more"
+        return gain, f"validation loss {loss:.2g}, before {others:.2g}: {size}"
+
     def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: AbstractObjective) -> float:
         """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.
 

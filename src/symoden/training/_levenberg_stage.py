@@ -326,10 +326,8 @@ class LevenbergStage(AbstractStage):
         if self.margin is None or self.data.validation is None:
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
-        gain = -self.data.compare(state.best, state.incumbent.model, objective)
-        why = f"validation {round(gain, 1) + 0.0:+.1f} standard errors, more than {self.margin:+.0f} wanted"
-        if math.isinf(gain):
-            why = f"validation loss {'a tenth or less' if gain > 0 else 'tenfold or more'}"
+        gain, why = self.data.gain(state.best, state.incumbent.model, objective)
+        why = f"{why}, more than {self.margin:+.0f} wanted"
         if gain > self.margin:
             return state, f"kept ({why})"
         return self._undone(state), f"not kept ({why})"

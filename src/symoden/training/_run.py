@@ -186,7 +186,7 @@ def run(
         if watch.is_over and state.stage < len(stages):
             left = stages[state.stage :]
             state, verdict = left[0].settled(state)
-            so_far = {left[0].name: verdict} if verdict else {}
+            so_far = {left[0].name: f"cut short, {verdict}"} if verdict else {}
             return state, watch.outcome([each.name for each in left]), _verdicts(lines) | so_far
     outcomes = [line["outcome"] for line in lines if line.get("outcome")]  # Those before a resumption too.
     return state, outcomes[-1] if outcomes else "all steps taken", _verdicts(lines)
