@@ -21,7 +21,8 @@ def facts(found: Inspection) -> Iterator[tuple[str, str]]:
     yield "parameters", size_words(found.parameters, found.active)
     yield "what fixes the scale", found.anchor
     if found.units:
-        yield "units, where the data are SI and inputs N or N m", found.units
+        words = "; ".join(f"{letter} {unit}" for letter, unit in found.units.items())
+        yield "units, where the data are SI and inputs N or N m", words
     yield from found.given.items()
     for name, extremes in (("M", found.mass_matrix_eigenvalues), ("D", found.dissipation_eigenvalues)):
         none = "does not apply: this kind of model has none"

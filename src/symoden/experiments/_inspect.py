@@ -98,7 +98,7 @@ class Inspection:
         parameters: Number of parameters.
         active: Number of those that do something: without corrections that were never needed.
         anchor: What fixes the scale of inertia, energy and friction.
-        units: Units of M, V and D where those of the data are SI; empty where nothing fixes the scale.
+        units: Units of M, V and D by letter, where those of the data are SI; empty where nothing fixes the scale.
         given: Parts that were given, and how much of them.
         identified: Values of the parameters of given formulas, by name.
         mass_matrix_eigenvalues: Least and largest over the data's range; None for a model without inertia.
@@ -113,7 +113,7 @@ class Inspection:
     parameters: int
     active: int
     anchor: str
-    units: str
+    units: dict[str, str]
     given: dict[str, Given]
     identified: dict[str, float]
     mass_matrix_eigenvalues: tuple[float, float] | None
@@ -183,22 +183,23 @@ def anchor(model: AbstractDynamics) -> str:
     return "momenta measured" if model.momenta else "none: only ratios are known"
 
 
-def units(model: AbstractDynamics) -> str:
+def units(model: AbstractDynamics) -> dict[str, str]:
     """Units of M, V and D where those of the data are SI.
 
     Args:
         model: Learned model or analytic system.
 
     Returns:
-        The units, one for each kind of entry; none where nothing fixes the scale, or the model has no such blocks.
+        The units by letter, one for each kind of entry; none where nothing fixes the scale, or the model has no such
+        blocks.
     """
     anchored = model.momenta or parts_that_fix_the_scale(model)
     if not isinstance(model, AbstractPortHamiltonian) or not anchored:
-        return ""
+        return {}
     lengths, angles = len(model.space.lengths) > 0, len(model.space.angles) > 0
     entries = np.array([lengths, lengths and angles, angles])  # Of two lengths, of one of each, of two angles.
     M, D = (", ".join(np.array(names)[entries]) for names in (("kg", "kg m", "kg m²"), ("N s/m", "N s", "N m s")))
-    return f"M {M}; V J; D {D}"
+    return {"M": M, "V": "J", "D": D}
 
 
 def identified_parameters(model: AbstractDynamics) -> dict[str, float]:

@@ -15,6 +15,7 @@ from ._style import COLOURS, DASHES, LABEL, SMALL, tidy
 
 _PANEL: Final = (3.2, 2.4)  # inches
 _BAND: Final = 0.22
+_ROOM: Final = 0.1  # Above what is drawn from zero on, or a constant lies on the frame.
 _LEGEND: Final = 0.15  # Room above the curves for their names, relative to their range.
 
 _Curves = Mapping[str, np.ndarray]
@@ -49,8 +50,10 @@ def draw_inspection(
             ax.set_axis_off()
         for ax, draw in zip(axes, row, strict=False):
             draw(ax=ax)
-    if certain is not None:
-        figure.supxlabel(f"Lines: learned. Shaded: {certain.level:.0%} bands.", fontsize=LABEL)
+    words = ["Lines: learned."]
+    words += [f"Shaded: {certain.level:.0%} bands."] if certain is not None else []
+    words += ["Units: where the data are SI and inputs N or N m."] if found.units else []
+    figure.supxlabel(" ".join(words), fontsize=LABEL)
     return figure
 
 
@@ -77,7 +80,7 @@ def plot_curves(
             ax.fill_between(xs, values - widths[name], values + widths[name], color=colour, alpha=_BAND, linewidth=0)
     low, high = ax.get_ylim()
     if 0 < low < high:  # How much something changes is seen beside how large it is.
-        ax.set_ylim(bottom=0.0)
+        ax.set_ylim(0.0, (1 + _ROOM) * high)
     ax.set_xlabel(coordinate, fontsize=LABEL)
     ax.set_title(symbol, fontsize=LABEL)
     if len(curves) > 1:
@@ -96,6 +99,7 @@ def _panels(
     curves = profile.energy_curves() | profile.port_curves(positions, inputs, found.given)
     half = widths and widths.energy_curves() | widths.port_curves(positions, inputs, found.given)
     groups = {"M": "M", "V": "V - min V", "g": "g", "D": "D at half of the largest velocities"}
+    groups |= {letter: f"{groups[letter]} [{unit}]" for letter, unit in found.units.items()}
     title, panels = space.title(positions[k], k), []
     for letter, symbol in groups.items():
         chosen = {name: values for name, values in curves.items() if name.startswith(letter)}
@@ -106,6 +110,7 @@ def _panels(
         along, band = found.friction[k], certain and certain.friction[k]
         force, bands = {"D v": along.force}, band and {"D v": band.force}
         coordinate = space.title(f"velocity of {positions[k]}", k, rate=True)
-        draw = functools.partial(plot_curves, along.velocities, force, bands, coordinate=coordinate, symbol="friction")
+        symbol = f"friction [{'N m' if space.is_angle[k] else 'N'}]" if found.units else "friction"
+        draw = functools.partial(plot_curves, along.velocities, force, bands, coordinate=coordinate, symbol=symbol)
         panels.append(draw)
     return panels
