@@ -166,3 +166,21 @@ def test_programs_compile_fast_where_that_was_tried_and_the_user_says_nothing_el
     monkeypatch.setattr(_session, "version", {"jaxlib": jaxlib}.__getitem__)
     _session.configure()
     assert os.environ["XLA_FLAGS"] == left
+
+
+def test_programs_that_were_not_written_to_the_end_are_compiled_without_a_word(tmp_path):
+    def simulate():
+        words = [sys.executable, "-m", "symoden", "simulate", "pendulum", "--out", str(tmp_path / "data.npz")]
+        environment = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")}
+        return subprocess.run(
+            words, env=environment | {"XDG_CACHE_HOME": str(tmp_path)}, capture_output=True, text=True, check=True
+        )
+
+    first = simulate()
+    entries = list((tmp_path / "symoden" / "jax").glob("*-cache"))
+    assert entries
+    for entry in entries:
+        os.truncate(entry, 100)
+    again = simulate()
+    assert (again.stdout, again.stderr) == (first.stdout, first.stderr)
+    assert "pendulum" in first.stdout

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import warnings
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -10,7 +11,7 @@ import jax
 
 from symoden._jaxlib import set_flag
 
-_LEAST_SECONDS: Final = 0.0
+_HALF_WRITTEN: Final = "Error reading persistent compilation cache entry"
 _EMITTERS: Final = (
     "xla_cpu_use_fusion_emitters"  # Off, programs compile in half the time and run as fast (`benchmarks/`).
 )
@@ -29,4 +30,6 @@ def configure() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         if os.access(folder, os.W_OK):
             jax.config.update("jax_compilation_cache_dir", str(folder))
-            jax.config.update("jax_persistent_cache_min_compile_time_secs", _LEAST_SECONDS)
+            jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)  # Small ones are many.
+            # Of one that another command is writing, or did not live to write: it is compiled, then.
+            warnings.filterwarnings("ignore", _HALF_WRITTEN)
