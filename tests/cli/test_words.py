@@ -2,8 +2,8 @@
 
 import pytest
 
-from symoden.cli._words import certainty_words
-from symoden.experiments import Certainty
+from symoden.cli._words import band_words, certainty_words
+from symoden.experiments import BandScore, Certainty
 
 
 @pytest.mark.parametrize(("apart", "said"), [({"M": 0.01, "V": 0.02, "D": 0.2}, True), ({"M": 0.08, "V": 0.02}, False)])
@@ -50,3 +50,13 @@ def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_
     assert "accelerations, whose scale is told: by inputs ± 2%, by potential ± 0.4%, by friction ± 7%" in words
     assert "typical: M ± 130%, V ± 10%, D ± more than 1000%" in words
     assert any("has a factor of its own" in line for line in words) == told
+
+
+@pytest.mark.parametrize(("coverage", "narrow"), [(0.79, True), (0.81, False), (0.99, False)])
+def test_bands_that_miss_many_positions_are_called_too_narrow(coverage, narrow):
+    score = BandScore(
+        level=0.9, calibrated_on="validation", split="test", coverage=coverage, half_width=0.1, from_parameters=0.2
+    )
+    words = band_words(score)
+    assert f"cover {coverage:.1%} of the positions of the test recordings" in words
+    assert words.endswith("the bands are too narrow here") == narrow

@@ -13,6 +13,7 @@ from ._output import number
 _NONE: Final = 1e-6  # Relative width of a band that is none.
 _MOSTLY: Final = 0.7  # Half of the variance.
 _UNKNOWN: Final = 10.0
+_MISSED: Final = 0.1  # Share of positions that bands may miss beyond what they say, before it is worth a word.
 _DIAGONAL: Final = re.compile(r"M\[(\d+), \1\]")
 
 
@@ -135,10 +136,12 @@ def band_words(score: BandScore) -> str:
     Returns:
         The sentence.
     """
+    narrow = score.coverage < score.level - _MISSED
     return (
         f"{score.level:.0%} bands over windows of 1 s cover {score.coverage:.1%} of the positions of the {score.split} "
         f"recordings; median half width {number(score.half_width)}, {score.from_parameters:.0%} of the variance from "
         f"uncertain parameters; width set by the {score.calibrated_on} recordings"
+        + (", which move otherwise: the bands are too narrow here" if narrow else "")
     )
 
 
