@@ -52,7 +52,7 @@ def test_what_is_wrong_is_shaded_and_named_where_it_is(check):
     named = [[text.get_text() for text in ax.texts] for ax in figure.axes]
     assert named == [[""], [""], [""], ["stuck"], [""], ["missing"]]
     shaded = [len(ax.patches) for ax in figure.axes]
-    assert shaded == [0, 0, 0, 2, 1, 2]  # the gap in all panels, and what is wrong in its own
+    assert shaded == [0, 0, 0, 3, 2, 3]  # both gaps in all panels, and what is wrong in its own
     stuck = min(
         patch.get_extents().transformed(figure.axes[3].transData.inverted()).x0 for patch in figure.axes[3].patches
     )

@@ -8,9 +8,8 @@ import numpy as np
 
 from ._accuracy import SlopeComparison, compare_with_slopes, find_inaccurate
 from ._description import Description
-from ._facts import ChannelFacts, Facts, measure
+from ._facts import ChannelFacts, Facts
 from ._findings import Finding
-from ._logs import Log
 from ._mismatch import find_mismatches
 from ._stuck import find_stuck
 
@@ -40,27 +39,24 @@ class Examination:
     slopes: tuple[SlopeComparison, ...] = ()
 
 
-def examine(log: Log, description: Description, is_angle: np.ndarray, left_out: np.ndarray) -> Examination:
-    """Look at the complete rows of a log.
+def examine(facts: Facts | None, description: Description) -> Examination:
+    """Look at the rows of a log that are used.
 
     Args:
-        log: What was logged.
-        description: What it means.
-        is_angle: Whether each coordinate is an angle.
-        left_out: Complete rows that are not used: samples that stand out alone, dead spots.
+        facts: What was measured of them; None where there are too few.
+        description: What they mean.
 
     Returns:
         What was found.
     """
-    facts = measure(log, description, is_angle, left_out)
     if facts is None:
         return Examination(facts=None)
     if stands_still(facts.channels):
         return Examination(facts=facts, findings=(_STILL,))
     slopes = compare_with_slopes(facts)
     findings = (
-        *find_stuck(facts),
-        *find_mismatches(facts),
+        *(stuck := find_stuck(facts)),
+        *find_mismatches(facts, stuck),
         *_saturation(facts),
         *(rounded := _rounding(facts)),
         *find_inaccurate(slopes, named={one.channel for one in rounded}, trusted=description.trust_velocities),

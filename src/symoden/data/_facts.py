@@ -63,6 +63,7 @@ class Facts:
     """What was measured of the rows of a log that are used, in the order of their times, each time once.
 
     Attributes:
+        rows: Rows of the log (T,).
         ts: Time stamps [s] (T,).
         q: Positions (T, n), not unwrapped.
         v: Velocities (T, n); None if there are none.
@@ -76,6 +77,7 @@ class Facts:
         units: Factors that the description gives to columns.
     """
 
+    rows: np.ndarray
     ts: np.ndarray
     q: np.ndarray
     v: np.ndarray | None
@@ -101,7 +103,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
         log: What was logged.
         description: What it means.
         is_angle: Whether each coordinate is an angle.
-        left_out: Complete rows that are not used: samples that stand out alone, dead spots.
+        left_out: Complete rows that are not used: samples that stand out alone, dead spots, stuck sensors.
 
     Returns:
         The facts; None where less than 10 rows are left.
@@ -131,6 +133,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
             for one, ratio in zip(of_rates, ratios, strict=True)
         )
     return Facts(
+        rows=rows,
         ts=ts,
         q=q,
         v=v,

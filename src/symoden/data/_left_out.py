@@ -26,7 +26,7 @@ class _Short:
 
 
 def find_masked(log: Log, mask: Mask) -> list[Finding]:
-    """Say which samples stand out alone or lie in a dead spot, and where a log is split.
+    """Say which samples stand out alone, lie in a dead spot or are stuck, and where a log is split.
 
     Args:
         log: What was logged.
@@ -35,7 +35,7 @@ def find_masked(log: Log, mask: Mask) -> list[Finding]:
     Returns:
         The findings.
     """
-    return [*_spikes(log, mask), *_blind(log, mask), *_gaps(mask)]
+    return [*_spikes(log, mask), *_blind(log, mask), *_stuck(mask), *_gaps(mask)]
 
 
 def find_merged(log: Log) -> list[Finding]:
@@ -218,6 +218,22 @@ def _blind(log: Log, mask: Mask) -> list[Finding]:
         spans = tuple(_time_of(log, int(run[0]), int(run[-1])) for run in runs[:SHOWN_SPANS])
         found.append(Finding(kind="blind", level="masked", channel=spot.channel, text=text, advice=advice, spans=spans))
     return found
+
+
+def _stuck(mask: Mask) -> list[Finding]:
+    """Positions that stand still while their velocities do not."""
+    return [
+        Finding(
+            kind="stuck",
+            level="masked",
+            channel=each.channel,
+            text=f"{each.describe()}: a stuck sensor, in {len(each.rows)} rows",
+            advice="These are left out; where that leaves a gap, the recording is split. Look at the sensor and its "
+            "cable.",
+            spans=each.spans,
+        )
+        for each in mask.stuck
+    ]
 
 
 def _lone(channel: str, count: int, largest: float, where: str, spans: tuple[tuple[float, float], ...] = ()) -> Finding:

@@ -12,6 +12,7 @@ from ._limits import LARGEST_NUMBER
 from ._logs import Impossible, Log
 from ._signals import longest_step
 from ._spikes import Spikes, rows_of
+from ._stuck import StuckRows
 
 LEAST_SAMPLES: Final = 25  # of a piece between gaps; the shortest recording bounds the length of training's windows
 
@@ -27,6 +28,7 @@ class Mask:
         impossible: Numbers too large for any machine, whose rows are left out.
         spikes: Samples that stand out alone, whose rows are left out.
         blind: Dead spots of sensors, and the rows in each, which are left out.
+        stuck: Positions that stand still while their velocities do not, whose rows are left out.
         gaps: Start and end of each gap [s].
     """
 
@@ -36,12 +38,13 @@ class Mask:
     impossible: tuple[Impossible, ...]
     spikes: tuple[Spikes, ...]
     blind: tuple[BlindRows, ...]
+    stuck: tuple[StuckRows, ...]
     gaps: tuple[tuple[float, float], ...]
 
     @property
     def left_out(self) -> np.ndarray:
         """Complete rows that are not used, where they are not in a gap."""
-        return rows_of((*self.spikes, *self.blind))
+        return rows_of((*self.spikes, *self.blind, *self.stuck))
 
     def describe(self, name: str) -> str:
         """Say what was masked, or nothing.
@@ -65,6 +68,9 @@ class Mask:
             start, end = spot.interval
             which = f"{len(rows)} row{'s' if len(rows) > 1 else ''}"
             what.append(f"{which} in which `{spot.channel}` is between {start:.4g} and {end:.4g}")
+        for each in self.stuck:
+            which = f"{len(each.rows)} row{'s' if len(each.rows) > 1 else ''}"
+            what.append(f"{which} in which {each.describe()}")
         if self.gaps:
             start, end = max(self.gaps, key=lambda gap: gap[1] - gap[0])
             count = f"{len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''} in time"
@@ -78,13 +84,15 @@ def mask(
     log: Log,
     spikes: Sequence[Spikes] = (),
     blind: Sequence[BlindRows] = (),
+    stuck: Sequence[StuckRows] = (),
     *,
     resample: float | None,
     delay: float,
 ) -> Mask:
     """Choose the rows of a log that are used.
 
-    Rows that lack a number, have a sample that stands out alone, or lie in a sensor's dead spot, are left out. Where
+    Rows that lack a number, have a sample that stands out alone, lie in a sensor's dead spot, or have a position that
+    stands still while its velocity does not, are left out. Where
     the time stamps of the others are then further apart than 5 usual steps (those that 95 % of the steps keep to) and
     than 2 steps of the grid to resample to, nothing is known in between, and the log is split. Pieces of less than 25
     samples, counted after resampling and delay, are dropped.
@@ -93,6 +101,7 @@ def mask(
         log: Log whose time stamps increase where they are known.
         spikes: Samples that stand out alone.
         blind: Dead spots of sensors, and the rows in each.
+        stuck: Positions that stand still while their velocities do not.
         resample: Step of the grid that its recordings are brought to [s].
         delay: Longest delay of an input [s]; each piece loses as much.
 
@@ -101,8 +110,15 @@ def mask(
     """
     rows = np.flatnonzero(log.complete)
     missing = len(log) - len(np.union1d(rows, rows_of(log.impossible)))
-    chosen = partial(Mask, missing=missing, impossible=log.impossible, spikes=tuple(spikes), blind=tuple(blind))
-    rows = np.setdiff1d(rows, rows_of((*spikes, *blind)))
+    chosen = partial(
+        Mask,
+        missing=missing,
+        impossible=log.impossible,
+        spikes=tuple(spikes),
+        blind=tuple(blind),
+        stuck=tuple(stuck),
+    )
+    rows = np.setdiff1d(rows, rows_of((*spikes, *blind, *stuck)))
     if len(rows) < 2:
         return chosen(pieces=(rows,), dropped=(), gaps=())
     ts = log.ts[rows]

@@ -1,5 +1,6 @@
 """Positions and velocities that disagree: wrong units, turned signs, wrong columns, jumps."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -34,11 +35,12 @@ _LENGTHS: Final = (
 )
 
 
-def find_mismatches(facts: Facts) -> list[Finding]:
+def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
     """Find units, signs and columns that cannot be right, and jumps of positions.
 
     Args:
         facts: Facts of a log.
+        stuck: What was found of sensors that stand still; a jump at the end of it is no other fault.
 
     Returns:
         The findings.
@@ -49,7 +51,7 @@ def find_mismatches(facts: Facts) -> list[Finding]:
     for i in range(facts.q.shape[1]):
         ratio = facts.ratios[i] if facts.ratios else None
         of_ratio = _of_ratio(facts, i, ratio) if ratio is not None and ratio.known else []
-        found.extend(of_ratio or _in_degrees(facts, i) or _jumps(facts, i))
+        found.extend(of_ratio or _in_degrees(facts, i) or _jumps(facts, i, stuck))
     return found
 
 
@@ -160,10 +162,12 @@ def _in_degrees(facts: Facts, i: int) -> list[Finding]:
     ]
 
 
-def _jumps(facts: Facts, i: int) -> list[Finding]:
-    """Jumps by a turn, and by something else."""
+def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
+    """Jumps by a turn, and by something else, but for those with which a sensor that was stuck goes on."""
     name = facts.positions[i].name
     turns, others = jumps(facts.ts, facts.q[:, i], longest=facts.longest)
+    ends = [end for finding in stuck if finding.channel == name for _, end in finding.spans]
+    others = others[~np.isin(facts.ts[others], ends)]
     found = []
     if len(turns) and facts.is_angle[i]:
         found.append(

@@ -15,11 +15,18 @@ from ._resample import held_mean, resample
 from ._spans import choose_spans
 from ._spikes import find_spikes
 from ._split import segments
+from ._stuck import StuckRows
 from ._trajectory import Trajectory, refuse_times_out_of_order
 from ._velocities import estimate_velocities, velocity_noise_gain
 
 
-def rows_to_use(log: Log, description: Description, is_angle: np.ndarray, spots: Sequence[BlindSpot]) -> Mask:
+def rows_to_use(
+    log: Log,
+    description: Description,
+    is_angle: np.ndarray,
+    spots: Sequence[BlindSpot],
+    stuck: Sequence[StuckRows] = (),
+) -> Mask:
     """Choose the rows of a log that recordings are made of.
 
     Args:
@@ -27,6 +34,7 @@ def rows_to_use(log: Log, description: Description, is_angle: np.ndarray, spots:
         description: What it means and what to do with it.
         is_angle: Whether each coordinate is an angle.
         spots: Dead spots of its sensors.
+        stuck: Positions that stand still while their velocities do not.
 
     Returns:
         The choice, and what was left out.
@@ -39,6 +47,7 @@ def rows_to_use(log: Log, description: Description, is_angle: np.ndarray, spots:
         log,
         find_spikes(log, is_angle),
         rows_in_spots(log, spots, is_angle),
+        stuck,
         resample=description.resample,
         delay=max(description.input_delay),
     )

@@ -1,20 +1,96 @@
 """Sensors that stand still while what they measure moves."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Int
 
-from ._facts import Facts
+from ._facts import ChannelFacts, Facts
 from ._findings import Finding
-from ._kinematics import displacement
-from ._signals import standstills
+from ._kinematics import blocks, displacement
+from ._signals import least_change, standstills
 
 _LEAST: Final = 10  # identical samples
 _LEAST_REST: Final = 0.5  # [s] at rest that a joint must be for the motion of others to count
 _FOLLOWS = 0.3  # misfit up to which position and velocity tell of one motion
 _ROUNDINGS, _NOISES = 4.0, 6.0
 _SHARE, _SHARE_OTHER, _SHARE_INPUT = 0.03, 0.3, 0.7  # of a channel's range
-_REST_VELOCITY = 0.02  # of its root mean square
+_LEAST_FROZEN: Final = 0.3  # [s] that a position must stand still for its rows to be left out,
+_SETTLES: Final = 0.15  # and the part of it in which a velocity that is filtered may still come to rest.
+_FAST: Final = 0.5  # of the usual speed; what is slower may be a bias
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StuckRows:
+    """Rows in which a position does not change though its velocity says without a doubt that it does.
+
+    Attributes:
+        channel: Name of the position's column.
+        velocity: Name of the velocity's.
+        rows: Rows of the log.
+        spans: Start and end of each stretch [s].
+    """
+
+    channel: str
+    velocity: str
+    rows: Int[np.ndarray, " k"]
+    spans: tuple[tuple[float, float], ...]
+
+    def describe(self) -> str:
+        """Say which column does not change, and when."""
+        return f"`{self.channel}` does not change at all {_when(self.spans)} while `{self.velocity}` says that it moves"
+
+
+def find_stuck_rows(facts: Facts) -> tuple[StuckRows, ...]:
+    """Find positions that stand still for long while their velocities show a motion that is no bias, lag or noise.
+
+    Beside what `find_stuck` asks for, ∫v dt must go on once a filtered velocity has had time to come to rest, by many
+    times the position's resolution, and somewhere at a speed that is not small in this log. So a machine that friction
+    holds or a stop has caught is not meant, whatever its velocity's sensor shows at rest.
+
+    Args:
+        facts: Facts of a log.
+
+    Returns:
+        Those of each position that has any.
+    """
+    found = []
+    for i, position in enumerate(facts.positions):
+        stretches = _contradicted(facts, i, facts.q[:, i], by_velocity=True)
+        if stretches := [each for each in stretches if _is_certain(facts, i, *each)]:
+            spans = tuple((float(facts.ts[start]), float(facts.ts[end])) for start, end in stretches)
+            rows = np.concatenate([facts.rows[start : end + 1] for start, end in stretches])
+            found.append(StuckRows(channel=position.name, velocity=facts.rates[i].name, rows=rows, spans=spans))
+    return tuple(found)
+
+
+def _is_certain(facts: Facts, i: int, start: int, end: int) -> bool:
+    """Whether coordinate i certainly moves in a standstill of its position that its velocity contradicts."""
+    if facts.v is None or not facts.ratios[i].known or facts.ts[end] - facts.ts[start] < _LEAST_FROZEN:
+        return False
+    position, q = facts.positions[i], facts.q[:, i]
+    way = facts.ratios[i].factor * displacement(facts.ts, facts.v[:, i], longest=facts.longest)
+    settled = np.arange(np.searchsorted(facts.ts, facts.ts[start] + _SETTLES), end + 1)
+    resolution = max(position.quantum, least_change(q))
+    if np.ptp(way[settled]) <= _allowed(position, resolution):
+        return False
+    pairs = blocks(facts.ts, longest=facts.longest)
+    usual = _speeds(facts.ts, way, pairs[q[pairs[:, 0]] != q[pairs[:, 1]]])
+    size = min(int(pairs[0, 1] - pairs[0, 0]), len(settled) - 1)
+    speeds = _speeds(facts.ts, way, np.stack([settled[:-size], settled[size:]], axis=1))
+    return bool(np.abs(speeds).max() > _FAST * np.sqrt(np.mean(usual**2)))
+
+
+def _speeds(ts: np.ndarray, way: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Mean speed between the samples of each pair."""
+    return (np.diff(way[pairs], axis=1) / np.diff(ts[pairs], axis=1))[:, 0]
+
+
+def _allowed(position: ChannelFacts, resolution: float) -> float:
+    """Way that a position which does not change may hide."""
+    return _ROUNDINGS * resolution + _NOISES * position.noise + _SHARE * position.span
 
 
 def find_stuck(facts: Facts) -> list[Finding]:
@@ -48,7 +124,7 @@ def _contradicted(facts: Facts, i: int, signal: np.ndarray, *, by_velocity: bool
     q = np.unwrap(facts.q[:, i]) if facts.is_angle[i] else facts.q[:, i]
     rest = q - factor * displacement(facts.ts, facts.v[:, i], longest=facts.longest)
     position, velocity = facts.positions[i], facts.rates[i]
-    fixed = _ROUNDINGS * position.quantum + _NOISES * position.noise + _SHARE * position.span
+    fixed = _allowed(position, position.quantum)
     step = float(np.median(np.diff(facts.ts)))
     stuck = []
     for start, end in standstills(facts.ts, signal, least=_LEAST, longest=facts.longest):
@@ -83,19 +159,23 @@ def _finding(facts: Facts, name: str, stuck: list[tuple[int, int]]) -> list[Find
     """Say where a channel is stuck."""
     if not stuck:
         return []
-    spans = sorted({(float(facts.ts[start]), float(facts.ts[end])) for start, end in stuck})
-    start, end = max(spans, key=lambda span: span[1] - span[0])
-    times = f", and {len(spans) - 1} more such stretch{'es' if len(spans) > 2 else ''}" if len(spans) > 1 else ""
+    spans = tuple(sorted({(float(facts.ts[start]), float(facts.ts[end])) for start, end in stuck}))
     return [
         Finding(
             kind="stuck",
             level="warning",
             channel=name,
-            text=f"`{name}` does not change at all from {start:.6g} to {end:.6g} s while the machine moves{times}: "
-            "a stuck sensor?",
+            text=f"`{name}` does not change at all {_when(spans)} while the machine moves: a stuck sensor?",
             advice="Leave the cells of this column empty there: such rows are left out and the recording is split. "
             "(`rows` does it too, but holds for every file of its part.) If the joint is held by friction, nothing "
             "need be done.",
-            spans=tuple(spans),
+            spans=spans,
         )
     ]
+
+
+def _when(spans: Sequence[tuple[float, float]]) -> str:
+    """Words for the longest of some stretches of time, and for how many there are beside it."""
+    start, end = max(spans, key=lambda span: span[1] - span[0])
+    more = f" (and in {len(spans) - 1} more such stretch{'es' if len(spans) > 2 else ''})" if len(spans) > 1 else ""
+    return f"from {start:.6g} to {end:.6g} s{more}"

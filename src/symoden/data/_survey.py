@@ -9,12 +9,14 @@ from ._blind import BlindSpot, blind_spots
 from ._description import Description
 from ._errors import DataError
 from ._examine import Examination, examine
+from ._facts import Facts, measure
 from ._findings import Finding
 from ._late import replace_late
 from ._logs import Log, read_logs
 from ._masking import Mask
 from ._merged import on_one_clock
 from ._recordings import rows_to_use
+from ._stuck import StuckRows, find_stuck_rows
 
 
 class Survey(NamedTuple):
@@ -51,20 +53,44 @@ def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey
     """
     logs = tuple(on_one_clock(log, is_angle, description.hold) for log in read_logs(path, description))
     spots = blind_spots(logs, is_angle, description.blind)
-    rows = [_rows(log, description, is_angle, spots) for log in logs]
-    examinations = [
-        examine(log, description, is_angle, chosen.left_out if isinstance(chosen, Mask) else np.arange(0))
-        for log, chosen in zip(logs, rows, strict=True)
-    ]
-    used, examined, replaced = replace_late(logs, examinations, description)
+    measured = [_measured(log, description, is_angle, spots) for log in logs]
+    rows = [chosen for chosen, _ in measured]
+    used, examined, replaced = replace_late(logs, [examine(facts, description) for _, facts in measured], description)
     if replaced:  # What velocities lacked is lacking no more.
-        rows = [_rows(log, description, is_angle, spots) for log in used]
+        rows = [
+            _rows(log, description, is_angle, spots, _stuck(chosen)) for log, chosen in zip(used, rows, strict=True)
+        ]
     return Survey(logs, used, rows, examined, replaced)
 
 
-def _rows(log: Log, description: Description, is_angle: np.ndarray, spots: tuple[BlindSpot, ...]) -> Mask | DataError:
+def _measured(
+    log: Log, description: Description, is_angle: np.ndarray, spots: tuple[BlindSpot, ...]
+) -> tuple[Mask | DataError, Facts | None]:
+    """Which rows of a log are used, and what is measured of them; of all that are complete, where none are used."""
+    chosen = _rows(log, description, is_angle, spots)
+    if isinstance(chosen, DataError):
+        return chosen, measure(log, description, is_angle, np.arange(0))
+    facts = measure(log, description, is_angle, chosen.left_out)
+    stuck = find_stuck_rows(facts) if facts else ()
+    if stuck and isinstance(again := _rows(log, description, is_angle, spots, stuck), Mask):
+        return again, measure(log, description, is_angle, again.left_out)
+    return chosen, facts
+
+
+def _stuck(chosen: Mask | DataError) -> tuple[StuckRows, ...]:
+    """Rows of a log that are left out because a sensor is stuck."""
+    return chosen.stuck if isinstance(chosen, Mask) else ()
+
+
+def _rows(
+    log: Log,
+    description: Description,
+    is_angle: np.ndarray,
+    spots: tuple[BlindSpot, ...],
+    stuck: tuple[StuckRows, ...] = (),
+) -> Mask | DataError:
     """Which rows of a log are used, or why none are: it may do without its velocities."""
     try:
-        return rows_to_use(log, description, is_angle, spots)
+        return rows_to_use(log, description, is_angle, spots, stuck)
     except DataError as error:
         return error
