@@ -9,11 +9,12 @@ import pytest
 
 import symoden
 from symoden.data import DataError
-from symoden.data._description import _KEYS, _PART_KEYS, _PARTS, read_description
+from symoden.data._description import read_description
 from symoden.data._findings import Kind
 from symoden.data._known import _KEYS as _KNOWN_KEYS, _ROBOT
 from symoden.data._readers import _ARRAYS, _TABLES
 from symoden.data._units import UNITS
+from symoden.data._values import KEYS, PART_KEYS, PARTS
 from symoden.known import FUNCTIONS
 
 PAGE = (Path(__file__).parents[1] / "docs" / "data.md").read_text()
@@ -33,8 +34,8 @@ def blocks(language):
 
 
 def test_every_key_of_a_description_is_documented_and_no_other():
-    assert first_cells("key") == sorted([*_KEYS, *(f"[{part}]" for part in (*_PARTS, "known"))])
-    assert first_cells("key of `[train]`, `[test]`, `[validation]`") == sorted(_PART_KEYS)
+    assert first_cells("key") == sorted([*KEYS, *(f"[{part}]" for part in (*PARTS, "known"))])
+    assert first_cells("key of `[train]`, `[test]`, `[validation]`") == sorted(PART_KEYS)
     assert first_cells("key of `[known]`") == sorted(_KNOWN_KEYS)
     assert first_cells("key of `robot`") == sorted(_ROBOT)
 
@@ -56,7 +57,7 @@ def test_the_examples_are_descriptions(tmp_path):
         path.write_text(text)
         read_description(path)
     used = {line.split(" = ")[0] for line in full.splitlines() if " = " in line}
-    assert {*_KEYS, *_PART_KEYS} - used == {"dt", "momenta"}, "which `time` and `velocities` exclude"
+    assert {*KEYS, *PART_KEYS} - used == {"dt", "momenta"}, "which `time` and `velocities` exclude"
 
 
 def test_the_smallest_example_reads_files(tmp_path):

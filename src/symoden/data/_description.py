@@ -1,23 +1,19 @@
 """The description of a data set: a TOML file that says which numbers of which files mean what."""
 
-import math
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal, NoReturn, TypeAlias
+from typing import Any, Final, Literal
 
 from symoden.known import KnownParts
 
-from ._cells import label
 from ._errors import DataError, listing, nearest
 from ._known import read_known
 from ._readers import Selector, names_in
-from ._units import factor_of, is_named, si_of, units_of
+from ._units import is_named, si_of, units_of
+from ._values import KEYS, PART_KEYS, PARTS, Check
 
-Check: TypeAlias = Callable[[object], object]
-
-_ENDS: Final = 2  # Of an interval.
 _FITTING: Final = {"time": ("s",), "positions": ("rad", "m"), "rates": ("rad/s", "m/s")}  # Of inputs any is.
 
 
@@ -131,15 +127,15 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise DataError(f"`{path}`: must be a TOML file; reading stopped at: {error}.") from error
     parts: dict[str, Any] = {
-        name: Part(**_checked(path, f"[{name}] ", table.pop(name), _PART_KEYS, required=("files",)))
-        for name in _PARTS
+        name: Part(**_checked(path, f"[{name}] ", table.pop(name), PART_KEYS, required=("files",)))
+        for name in PARTS
         if name in table
     }
     if "known" in table:
         parts["known"] = read_known(path, table.pop("known"))
     if space is not None:
         table["space"] = space
-    values = _checked(path, "", table, _KEYS, required=("space", "positions"))
+    values = _checked(path, "", table, KEYS, required=("space", "positions"))
     named = {column: si_of(unit) for column, unit in table.get("units", {}).items()}
     parts["si_units"] = {column: unit for column, unit in named.items() if unit is not None}
     description = Description(**values, **parts)
@@ -155,7 +151,7 @@ def _checked(
         raise DataError(f"`{path}`: {where}must be a table; got {table!r}.")
     for key in table:
         if key not in keys:
-            known = (*keys, "known", *_PARTS) if not where else tuple(keys)
+            known = (*keys, "known", *PARTS) if not where else tuple(keys)
             raise DataError(
                 f"`{path}`: {where or 'a description '}has no key `{key}`.{nearest(key, known)} "
                 f"The keys are {listing(known)}."
@@ -237,164 +233,3 @@ def _refuse_other_size(path: Path, description: Description) -> None:
         columns = getattr(description, key)
         if isinstance(columns, tuple) and len(columns) != size:
             raise DataError(f"`{path}`: `{key}` must name {size} columns, one per position; got {len(columns)}.")
-
-
-def _fail(what: str) -> NoReturn:
-    """Say what a value must be."""
-    raise ValueError(f"must be {what}")
-
-
-def _text(value: object) -> str:
-    """A name."""
-    return value if isinstance(value, str) and value else _fail("a text")
-
-
-def _texts(value: object) -> tuple[str, ...]:
-    """A list of names, at least one."""
-    if not isinstance(value, list) or not value or not all(isinstance(item, str) and item for item in value):
-        _fail('a list of texts in brackets, such as ["a", "b"]')
-    return tuple(value)
-
-
-def _labels(value: object) -> tuple[str, ...]:
-    """A list of numbers or texts, at least one, as texts."""
-    if not isinstance(value, list) or not value or not all(isinstance(x, str) or _is_number(x) for x in value):
-        _fail('a list of numbers or texts, such as [3, 7] or ["monday"]')
-    return tuple(str(item) if isinstance(item, int) else label(item) for item in value)
-
-
-def _selector(value: object) -> Selector:
-    """A list of names, or the name of a 2-D variable."""
-    names = value if isinstance(value, str) and value else _texts(value)
-    if isinstance(names, tuple) and len(set(names)) < len(names):
-        _fail("names that differ from each other")
-    return names
-
-
-def _inputs(value: object) -> Selector:
-    """A list of names, which may be empty, or the name of a 2-D variable."""
-    return () if value == [] else _selector(value)
-
-
-def _is_number(value: object) -> bool:
-    """Whether a value is a finite number; true and false are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _flag(value: object) -> bool:
-    """True or false."""
-    return value if isinstance(value, bool) else _fail("true or false")
-
-
-def _positive(value: object) -> float:
-    """A positive number of seconds."""
-    if not isinstance(value, int | float) or not _is_number(value) or value <= 0:
-        _fail("a positive number of seconds")
-    return float(value)
-
-
-def _count(value: object) -> int:
-    """A whole number from 1 on."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        _fail("a whole number, at least 1")
-    return value
-
-
-def _hold(value: object) -> object:
-    """A kind of hold."""
-    return value if value in ("zero", "linear") else _fail('"zero" or "linear"')
-
-
-def _units(value: object) -> dict[str, float]:
-    """Factors by column."""
-    if not isinstance(value, dict):
-        _fail('a table of columns, such as {q = "deg", tau = 0.062}')
-    factors = {}
-    for column, unit in value.items():
-        if isinstance(unit, dict):
-            _fail(f'a table of columns; a name with dots stands in quotes, such as "{column}.{next(iter(unit), "x")}"')
-        try:
-            factors[column] = factor_of(unit)
-        except ValueError as error:
-            raise ValueError(f"of `{column}` {error}") from error
-    return factors
-
-
-def _zeros(value: object) -> dict[str, float]:
-    """Numbers by column."""
-    if not isinstance(value, dict) or not all(map(_is_number, value.values())):
-        _fail("a table of columns and finite numbers, such as {q = 180.0, tau = 0.02}")
-    return {column: float(number) for column, number in value.items()}
-
-
-def _blind(value: object) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Intervals by column."""
-    if not isinstance(value, dict) or not all(map(_are_intervals, value.values())):
-        _fail("a table of columns and lists of intervals, from less to more, such as {q = [[0.9, 1.4]]}, or {q = []}")
-    return {column: tuple((float(a), float(b)) for a, b in intervals) for column, intervals in value.items()}
-
-
-def _are_intervals(value: object) -> bool:
-    """Whether a value is a list of pairs of numbers, the second one the larger."""
-    return isinstance(value, list) and all(
-        isinstance(pair, list) and len(pair) == _ENDS and all(map(_is_number, pair)) and pair[0] < pair[1]
-        for pair in value
-    )
-
-
-def _delays(value: object) -> tuple[float, ...]:
-    """Seconds from 0 on, one or several."""
-    seconds = [
-        float(item)
-        for item in (value if isinstance(value, list) else [value])
-        if isinstance(item, int | float) and _is_number(item) and item >= 0
-    ]
-    if not seconds or len(seconds) != (len(value) if isinstance(value, list) else 1):
-        _fail("a number of seconds, at least 0, or a list of one per input")
-    return tuple(seconds)
-
-
-def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
-    """Rows of numbers, all of one length."""
-    rows = value if isinstance(value, list) else []
-    if not rows or not all(isinstance(row, list) and row and all(map(_is_number, row)) for row in rows):
-        _fail("a list of rows of numbers, such as [[1, 0], [0, 1]]; formulas stand under [known]")
-    if len({len(row) for row in rows}) > 1:
-        _fail("rows of equal length")
-    return tuple(tuple(float(item) for item in row) for row in rows)
-
-
-def _rows(value: object) -> tuple[int, int | None]:
-    """First row, and the row after the last one or nothing."""
-    numbers = value if isinstance(value, list) else []
-    if len(numbers) not in (1, 2) or not all(isinstance(item, int) and not isinstance(item, bool) for item in numbers):
-        _fail("[start, stop), two whole numbers, or [start] for all rows from there on")
-    return numbers[0], numbers[1] if len(numbers) > 1 else None
-
-
-_PARTS: Final = ("train", "test", "validation")
-_PART_KEYS: Final[dict[str, Check]] = {
-    "files": _texts,
-    "rows": _rows,
-    "recordings": _labels,
-    "split_every": _positive,
-}
-_KEYS: Final[dict[str, Check]] = {
-    "space": _text,
-    "time": _text,
-    "dt": _positive,
-    "recording": _text,
-    "positions": _selector,
-    "velocities": _selector,
-    "trust_velocities": _flag,
-    "momenta": _selector,
-    "inputs": _inputs,
-    "units": _units,
-    "zeros": _zeros,
-    "blind": _blind,
-    "hold": _hold,
-    "input_delay": _delays,
-    "resample": _positive,
-    "input_matrix": _matrix,
-    "initial_samples": _count,
-}
