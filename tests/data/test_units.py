@@ -93,15 +93,20 @@ def test_degrees_are_unwrapped_as_angles(tmp_path):
         ('w = "deg"', r"`units` must name columns that are read, which are `t, q, v, u`; got `w`\."),
         (
             'q = "degree"',
-            r"`units` of `q` must be a factor or one of the units `rad, deg, .* s, ms, us, ns`\. Did you mean `deg`\?",
+            r"`units` of `q` must be a factor or one of the units `rad, .* ns`; got 'degree'\. Did you mean `deg`\?",
         ),
+        ('u = "V"', r"; got 'V'\. For another unit write the factor to SI, such as newtons per volt; that of"),
         ("q = 0", "`units` of `q` must be the name of a unit, or a factor: a finite number other than 0"),
         ('q.position = "deg"', 'a table of columns; a name with dots stands in quotes, such as "q.position"'),
         ("q = true", "`units` of `q` must be the name of a unit"),
         ("q = [1, 2]", "`units` of `q` must be the name of a unit"),
-        ('q = "ms"', "say of `q`, which is of `positions`, how its numbers become rad or m; got a unit of s"),
-        ('"q[1]" = "rpm"', "got a unit of rad/s. Write `rad, deg, rev, m, cm, mm`, or a factor"),
-        ('v = "deg"', "say of `v`, which is of `velocities`, how its numbers become rad/s or m/s; got a unit of rad"),
+        ('q = "ms"', "say of `q`, which is of `positions`, how its numbers become rad; got a unit of s"),
+        ('"q[1]" = "rpm"', "got a unit of rad/s. Write `rad, deg, rev`, or a factor; angles have the letter T"),
+        ('v = "deg"', "say of `v`, which is of `velocities`, how its numbers become rad/s; got a unit of rad"),
+        ('q = "mm"', "how its numbers become rad; got a unit of m"),
+        ('v = "mm/s"', "how its numbers become rad/s; got a unit of m/s"),
+        ('u = "rpm"', "say of `u`, which is of `inputs`, how its numbers become N or N m; got a unit of rad/s"),
+        ('u = "deg"', "got a unit of rad. Write `N, kN, Nm, Ncm, mNm`, or a factor\\."),
         ('t = "mm"', "say of `t`, which is of `time`, how its numbers become s; got a unit of m"),
     ],
 )
@@ -126,6 +131,34 @@ def test_columns_are_called_with_their_si_units_where_these_are_known(tmp_path, 
     path = described(tmp_path, units)
     path.write_text(path.read_text().replace('"T2"', f'"{space}"'), encoding="utf-8")
     assert [one.title for one in check_dataset(path).recordings[0].channels] == titles
+
+
+@pytest.mark.parametrize(
+    ("units", "wrong"),
+    [
+        ('"q[0]" = "mm", "q[1]" = "deg"', None),
+        ('q = "deg", "q[0]" = 0.001', None),
+        ('q = "deg"', "q"),
+        ('"q[1]" = "mm"', r"q\[1\]"),
+        ('v = "rpm"', "v"),
+        ('"v[0]" = "mm/s"', None),
+    ],
+)
+def test_lengths_and_angles_have_units_of_their_own_kind(tmp_path, units, wrong):
+    path = described(tmp_path, units)
+    path.write_text(path.read_text().replace('"T2"', '"R1 T1"'), encoding="utf-8")
+    if wrong is None:
+        assert read_description(path).si_units
+        return
+    with pytest.raises(DataError, match=f"`units` must say of `{wrong}`"):
+        read_description(path)
+
+
+def test_an_angle_that_shall_count_as_a_number_keeps_its_unit(tmp_path):
+    path = described(tmp_path, 'q = "deg"')
+    assert read_description(path, space="R2").si_units == {"q": "rad"}
+    with pytest.raises(DataError, match="how its numbers become rad; got a unit of m"):
+        read_description(described(tmp_path, 'q = "mm"'), space="T2")
 
 
 def test_units_are_a_table(tmp_path):

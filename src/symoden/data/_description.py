@@ -10,11 +10,11 @@ from symoden.known import KnownParts
 
 from ._errors import DataError, listing, nearest
 from ._known import read_known
-from ._readers import Selector, names_in
+from ._readers import Selector, names_in, variable_of
 from ._units import is_named, si_of, units_of
 from ._values import KEYS, PART_KEYS, PARTS, Check
 
-_FITTING: Final = {"time": ("s",), "positions": ("rad", "m"), "rates": ("rad/s", "m/s")}  # Of inputs any is.
+_FITTING: Final = {"time": ("s",), "inputs": ("N", "N m")}  # Positions and velocities are of lengths or of angles.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +140,29 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
     parts["si_units"] = {column: unit for column, unit in named.items() if unit is not None}
     description = Description(**values, **parts)
     _refuse_contradictions(path, description)
+    _refuse_unfit_units(path, description, counts_as_number=space is not None)
     return description
+
+
+def angles_of(path: Path, space: str) -> tuple[bool, ...]:
+    """Find out which coordinates of a space are angles.
+
+    Args:
+        path: The description's file, for messages.
+        space: The space.
+
+    Returns:
+        Whether each coordinate is an angle.
+
+    Raises:
+        DataError: If the space is misspelt.
+    """
+    from symoden.spaces import Space  # imports JAX
+
+    try:
+        return tuple(Space.parse(space).is_angle)
+    except ValueError as error:
+        raise DataError(f"`{path}`: `space`: {error}") from error
 
 
 def _checked(
@@ -164,7 +186,8 @@ def _checked(
         try:
             values[key] = keys[key](value)
         except ValueError as error:
-            raise DataError(f"`{path}`: {where}`{key}` {error}; got {value!r}.") from error
+            what, got, advice = error.args if len(error.args) > 1 else (error, value, "")
+            raise DataError(f"`{path}`: {where}`{key}` {what}; got {got!r}.{advice}") from error
     return values
 
 
@@ -197,7 +220,6 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
     for key, named in (("units", description.units), ("zeros", description.zeros)):
         _refuse_unread(path, key, named, description.selectors)
     _refuse_unread(path, "blind", description.blind, {"positions": description.positions})
-    _refuse_unfit_units(path, description)
 
 
 def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mapping[str, Selector]) -> None:
@@ -211,19 +233,43 @@ def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mappin
             )
 
 
-def _refuse_unfit_units(path: Path, description: Description) -> None:
-    """Refuse units of another kind than a column is of."""
-    for role, fitting in _FITTING.items():
-        if role == "rates" and description.momenta is not None:
-            continue
-        read = {role: description.selectors.get(role, ())}
+def _refuse_unfit_units(path: Path, description: Description, *, counts_as_number: bool) -> None:
+    """Refuse units of another kind than a column is of; an angle that shall count as a number may keep its own."""
+    if not description.si_units:
+        return
+    joints = [
+        ("rad",) if angle else ("rad", "m") if counts_as_number else ("m",)
+        for angle in angles_of(path, description.space)
+    ]
+    velocities = [tuple(f"{unit}/s" for unit in units) for units in joints]
+    for role, selector in description.selectors.items():
         for column, unit in description.si_units.items():
-            if unit not in fitting and is_named(column, read):
-                what = "velocities" if role == "rates" else role
-                raise DataError(
-                    f"`{path}`: `units` must say of `{column}`, which is of `{what}`, how its numbers become "
-                    f"{' or '.join(fitting)}; got a unit of {unit}. Write {listing(units_of(fitting))}, or a factor."
-                )
+            if not is_named(column, {role: selector}) or (role == "rates" and description.momenta is not None):
+                continue
+            if role in _FITTING:
+                every = [_FITTING[role]]
+            else:
+                columns = _columns_of(column, selector, len(joints), description.units)
+                every = [(velocities if role == "rates" else joints)[i] for i in columns]
+            for fitting in every:
+                if unit not in fitting:
+                    raise DataError(_unfit(path, column, role, fitting, unit))
+
+
+def _columns_of(name: str, selector: Selector, size: int, units: Mapping[str, float]) -> list[int]:
+    """Which columns a key of `units` is about: those that it names, or all of a variable that have no key of theirs."""
+    names = [f"{selector}[{i}]" for i in range(size)] if isinstance(selector, str) else list(selector)[:size]
+    return [i for i, each in enumerate(names) if name == each or (name == variable_of(each) and each not in units)]
+
+
+def _unfit(path: Path, column: str, role: str, fitting: tuple[str, ...], unit: str) -> str:
+    """Message on a unit of another kind than a column is of."""
+    what = "velocities" if role == "rates" else role
+    return (
+        f"`{path}`: `units` must say of `{column}`, which is of `{what}`, how its numbers become "
+        f"{' or '.join(fitting)}; got a unit of {unit}. Write {listing(units_of(fitting))}, or a factor"
+        + ("; angles have the letter T in `space`, lengths R." if role in ("positions", "rates") else ".")
+    )
 
 
 def _refuse_other_size(path: Path, description: Description) -> None:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._description import Description, Part
+from ._description import Description, Part, angles_of
 from ._errors import DataError
 from ._limits import LARGEST_NUMBER
 from ._parts import read_parts
@@ -191,12 +191,7 @@ def angles(path: Path, description: Description) -> np.ndarray:
     Raises:
         DataError: If the space is misspelt, or has another number of coordinates than there are position columns.
     """
-    from symoden.spaces import Space  # imports JAX
-
-    try:
-        is_angle = np.array(Space.parse(description.space).is_angle)
-    except ValueError as error:
-        raise DataError(f"`{path}`: `space`: {error}") from error
+    is_angle = np.array(angles_of(path, description.space))
     if isinstance(description.positions, tuple):
         _refuse_other_size(path, description.space, is_angle, len(description.positions))
     return is_angle

@@ -39,20 +39,21 @@ def factor_of(unit: object) -> float:
         The factor.
 
     Raises:
-        ValueError: If it is neither; the message goes on from the name of a column.
+        ValueError: If it is neither; with what it must be, after the name of a column, and what to do.
     """
     if isinstance(unit, str):
         plain = _plain(unit)
         if plain not in UNITS:
             known = "; ".join(", ".join(units) for units in _BY_SI.values())
             raise ValueError(
-                f"must be a factor or one of the units `{known}`.{nearest(unit, UNITS)} For another unit, write the "
-                "factor to SI"
+                f"must be a factor or one of the units `{known}`",
+                f"{nearest(unit, UNITS)} For another unit write the factor to SI, such as newtons per volt; that of an "
+                "input may stand in `input_matrix` as well.",
             )
         return UNITS[plain]
     if isinstance(unit, int | float) and not isinstance(unit, bool) and math.isfinite(unit) and unit != 0:
         return float(unit)
-    raise ValueError("must be the name of a unit, or a factor: a finite number other than 0")
+    raise ValueError("must be the name of a unit, or a factor: a finite number other than 0", "")
 
 
 def si_of(unit: object) -> str | None:

@@ -92,7 +92,8 @@ def _units(value: object) -> dict[str, float]:
         try:
             factors[column] = factor_of(unit)
         except ValueError as error:
-            raise ValueError(f"of `{column}` {error}") from error
+            what, advice = error.args
+            raise ValueError(f"of `{column}` {what}", unit, advice) from error
     return factors
 
 
