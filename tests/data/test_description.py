@@ -88,6 +88,10 @@ BAD = [
     (with_top('hold = "cubic"'), '`hold` must be "zero" or "linear"; got \'cubic\''),
     (with_top('velocities = ["v"]\nmomenta = ["p"]'), "only one of `velocities` and `momenta`"),
     (with_top('velocities = ["v", "w"]'), "`velocities` must name 1 columns, one per position; got 2"),
+    (with_top('inputs = ["u", "q"]'), "must have one meaning; got `q` in `inputs`, and `q` in `positions`. Name"),
+    (with_top('momenta = ["q"]'), "got `q` in `momenta`, and `q` in `positions`"),
+    (with_top('velocities = ["t"]'), "got `t` in `velocities`, and `t` in `time`"),
+    (with_top('inputs = ["q[1]"]').replace('["q"]', '"q"'), r"got `q\[1\]` in `inputs`, and `q` in `positions`"),
     (with_top("input_matrix = [1, 2]"), "`input_matrix` must be a list of rows of numbers"),
     (with_top("input_matrix = [[1, 2], [3]]"), "`input_matrix` must be rows of equal length"),
     (with_top("initial_samples = 0"), "`initial_samples` must be a whole number, at least 1; got 0"),
@@ -105,6 +109,11 @@ def test_a_wrong_description_is_refused(tmp_path, text, message):
     with pytest.raises(DataError, match=message) as caught:
         described(tmp_path, text)
     assert str(caught.value).startswith(f"`{tmp_path / 'arm.toml'}`: ")
+
+
+def test_columns_of_one_variable_may_mean_several_things(tmp_path):
+    text = with_top('velocities = ["x[1]"]\ninputs = ["x[2]"]').replace('["q"]', '["x[0]"]')
+    assert described(tmp_path, text).velocities == ("x[1]",)
 
 
 def test_bytes_that_are_no_text_are_refused(tmp_path):

@@ -126,7 +126,7 @@ BAD = [
     (HEAD.replace("R1 T1", "S2") + TRAIN, "arm.toml`: `space`: A space must be factors"),
     (HEAD.replace('"vphi"', '"omega"') + TRAIN, "a.csv`: no column `omega`; found `t, x, phi, vx, vphi, u`"),
     (
-        HEAD.replace('"t"', '"vphi"') + TRAIN,
+        HEAD.replace('"t"', '"vphi"').replace('velocities = ["vx", "vphi"]\n', "") + TRAIN,
         r"column `vphi`, line 3 \(row 1\): times must .* got 15.0 after 15.0",
     ),
     (HEAD + TRAIN + "rows = [99]\n", "a.csv`: a recording must have at least 2 rows; got 1, from row 99 on"),
@@ -161,8 +161,8 @@ def test_what_does_not_fit_together_is_refused(tmp_path, text, message):
     ],
 )
 def test_variables_of_a_wrong_width_are_refused(tmp_path, changes, message):
-    np.savez(tmp_path / "a.npz", t=np.arange(9.0), q=np.zeros((9, 2)), v=changes.pop("v"))
-    keys = {"space": '"R2"', "time": '"t"', "positions": '"q"', "velocities": '"q"', **changes}
+    np.savez(tmp_path / "a.npz", t=np.arange(9.0), q=np.zeros((9, 2)), w=np.zeros((9, 2)), v=changes.pop("v"))
+    keys = {"space": '"R2"', "time": '"t"', "positions": '"q"', "velocities": '"w"', **changes}
     text = "".join(f"{key} = {value}\n" for key, value in keys.items())
     with pytest.raises(DataError, match=message):
         read_dataset(described(tmp_path, text + '[train]\nfiles = ["a.npz"]\n'))

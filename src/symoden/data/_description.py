@@ -1,5 +1,6 @@
 """The description of a data set: a TOML file that says which numbers of which files mean what."""
 
+import itertools
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -217,9 +218,28 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         raise DataError(
             f"`{path}`: `input_delay` must be one number or one per input, {len(description.inputs)}; got {delays}."
         )
+    _refuse_two_meanings(path, description)
     for key, named in (("units", description.units), ("zeros", description.zeros)):
         _refuse_unread(path, key, named, description.selectors)
     _refuse_unread(path, "blind", description.blind, {"positions": description.positions})
+
+
+def _refuse_two_meanings(path: Path, description: Description) -> None:
+    """Refuse a column that is named in two places."""
+    for (role, selector), (other, others) in itertools.combinations(description.selectors.items(), 2):
+        for name, again in itertools.product(names_in({role: selector}), names_in({other: others})):
+            whole = selector == variable_of(again) or others == variable_of(name)  # The variable, and one column of it.
+            if name == again or whole:
+                keys = [_key(each, description) for each in (role, other)]
+                raise DataError(
+                    f"`{path}`: a column must have one meaning; got `{again}` in `{keys[1]}`, and `{name}` in "
+                    f"`{keys[0]}`. Name each column once."
+                )
+
+
+def _key(role: str, description: Description) -> str:
+    """Key of a description that names the columns of a role."""
+    return role if role != "rates" else "velocities" if description.momenta is None else "momenta"
 
 
 def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mapping[str, Selector]) -> None:
@@ -264,7 +284,7 @@ def _columns_of(name: str, selector: Selector, size: int, units: Mapping[str, fl
 
 def _unfit(path: Path, column: str, role: str, fitting: tuple[str, ...], unit: str) -> str:
     """Message on a unit of another kind than a column is of."""
-    what = "velocities" if role == "rates" else role
+    what = "velocities" if role == "rates" else role  # Momenta have no units.
     return (
         f"`{path}`: `units` must say of `{column}`, which is of `{what}`, how its numbers become "
         f"{' or '.join(fitting)}; got a unit of {unit}. Write {listing(units_of(fitting))}, or a factor"
