@@ -48,6 +48,31 @@ def test_every_usual_way_to_write_a_table_is_understood(tmp_path, name, text):
     assert found.names == {"time": ("t",), "positions": ("q",), "inputs": ()}
 
 
+@given(values=st.lists(st.tuples(st.floats(-1e300, 1e300), st.floats(-1e3, 1e3)), min_size=1, max_size=20))
+@pytest.mark.parametrize("separator", [";", "\t"])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_decimal_commas_are_read_to_the_last_bit(tmp_path, separator, values):
+    lines = [separator.join([f"{a:.17e}", f"{b:.17e}"]).replace(".", ",") for a, b in values]
+    path = written(tmp_path / "run.csv", "\n".join([f"a{separator}b", *lines]))
+    np.testing.assert_array_equal(read_rows(path, {"x": ("a", "b")}, ALL).signals["x"], values)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("Zeit;Winkel, rad;Bemerkung\ns;rad;\n0,000;-1,5;Start, links\n1; ,25e1 ;\n2;NaN;\n", ("Zeit", "Winkel, rad")),
+        ("0,000;-1,5;2,0;3,1\n1;+2,5;0;0\n2;;0;0\n", ("1", "2")),
+        ("# Zeit\tWinkel\n0,0\t-1,5\n1,0\t2,5\n2,0\tNaN\n", ("Zeit", "Winkel")),
+    ],
+    ids=["names, units and remarks", "no names", "tabs"],
+)
+def test_decimal_commas_are_read_where_no_commas_separate_columns(tmp_path, text, names):
+    path = written(tmp_path / "run.csv", text)
+    np.testing.assert_array_equal(read_rows(path, {"x": names}, ALL).signals["x"], [[0, -1.5], [1, 2.5], [2, np.nan]])
+    assert place(path, 0) == f"line {find_layout(text).line} (row 0)"
+    assert not find_short_lines(path).short
+
+
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ", "   "])
 @pytest.mark.parametrize("before", ["", "# a logger\n\n% of 2026, as it seems\n", "\n\n"])
 @pytest.mark.parametrize("head", ["names", "names and units", "comment", "none"])
@@ -201,7 +226,9 @@ BAD = [
     ("t,q\n0,1", "no column `a`; found `t, q`"),
     ("t,A1,b\n0,1,1", r"no column `a`; found `t, A1, b`\. Did you mean `A1`\? Give the names as the file has them"),
     ("a,b\n1,2\n3,on\n", r"column `b`, line 3 \(row 1\): must be a number or empty; got 'on'"),
-    ("a;b\n1000,010751;2\n", r"got '1000,010751'\. Decimal commas are not read: .* with decimal points"),
+    ('a,b\n"1000,010751",2\n', r"got '1000,010751'\. Decimal commas are read where semicolons or tabs .* with decimal"),
+    ("a;b\n1000,010751;2.5\n", r"got '1000,010751'\. Decimal commas are read where .* no number has a point"),
+    ("a;b\n7;2\n1,250;3\n", r"row 1\): must be a number or empty; got '1,250'\. Decimal commas"),  # Thousands?
     ("a,b\n1,2\n1,2,3", r"every line must have the 2 cells that the first line names"),
     ("a,b,a\n1,2,3", "column `a` must be there once; got it twice"),
     ("", "is empty"),

@@ -164,5 +164,8 @@ def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first
                 "Dates are read where all of the column are of one form of ISO 8601, such as 2025-10-09T08:53:20.25Z."
             )
         if _DECIMAL_COMMA.fullmatch(column[row]):
-            advice = "Decimal commas are not read: write the file again with decimal points (1.5 instead of 1,5)."
+            advice = (
+                "Decimal commas are read where semicolons or tabs separate the columns and no number has a point: "
+                "write the file again so, or with decimal points (1.5 instead of 1,5)."
+            )
         raise DataError(f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}")

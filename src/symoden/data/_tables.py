@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 
 import polars as pl
 
+from ._decimals import with_points
 from ._errors import COPY, DataError
 from ._limits import LARGEST, refuse_large
 
@@ -20,7 +21,7 @@ TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
 """Endings of the names of tables of text, `.gz` apart."""
 _COMMENTS: Final = ("#", "%")
 _PREAMBLE: Final = 2000  # Lines in which the rows of a table begin.
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 _NO_UNIT = re.compile(r"[][(){}\s*/·.^²³0-9-]+")
 _UNIT = re.compile(  # What a line under the names is made of, if it is one of units.
     r"[mµu]?s|ns|min|h|secs?|seconds?|[mcku]?m|m?rad|deg(ree)?s?|°|rev|rpm|[mk]?n|m?nm|[mk]?v|m?a|k?w|k?hz|j|k?g|k?pa|bar|"
@@ -57,7 +58,8 @@ def read_csv(path: Path) -> pl.DataFrame:
     """Read a table of text, separated by commas, semicolons, tabs or blanks.
 
     A line of names comes first. Comments before it (`#`, `%`) and a line of units after it are left out; the last
-    comment names the columns where no other line does, as NumPy writes it.
+    comment names the columns where no other line does, as NumPy writes it. Where no commas separate the columns,
+    decimal commas become points.
 
     Args:
         path: File; its name ends in `.gz` if it is compressed.
@@ -92,6 +94,8 @@ def read_csv(path: Path) -> pl.DataFrame:
             f"`{path}`: every line must have the {len(names)} cells that the first line names; reading stopped at: "
             f"{reason}."
         ) from error
+    if separator != "," and "," in body:
+        frame = with_points(frame)
     return frame.rename(_unique(names))
 
 
@@ -273,6 +277,9 @@ def _is_cut(text: str, layout: Layout) -> bool:
 
 def _separator(line: str, after: str) -> str:
     """What separates the cells of a table; blanks alone where lines agree on their number."""
+    for found in ";\t":  # Beside decimal commas there may be less of them.
+        if any(found in text and _is_row(_cells(text, found)) for text in (line, after)):
+            return found
     found, words = max(",;\t", key=line.count), line.split()
     agree = len(words) > 1 and (len(words) == len(after.split()) or _is_row(words))
     return " " if agree and not line.count(found) else found
