@@ -22,7 +22,7 @@ from ._pace import find_fast_sampling
 from ._read_dataset import assemble
 from ._recordings import recordings_of
 from ._survey import survey
-from ._trajectory import Trajectory
+from ._trajectory import Trajectory, evenly_spaced
 from ._zeros import find_counted_zeros
 
 
@@ -188,7 +188,8 @@ def _out_of_order(log: Log) -> list[Finding]:
             level="refused",
             channel=log.names["time"][0] if "time" in log.names else "",
             text=f"{len(late)} {said} not increase ({what}), {first}",
-            advice="If the file holds several recordings, one after the other, name the column that tells them apart: "
+            advice=evenly_spaced(log.ts[rows])
+            or "If the file holds several recordings, one after the other, name the column that tells them apart: "
             '`recording = "trial"`. Else sort the rows by time and keep one of each; if a clock was set back, cut the '
             "file there by `rows`.",
             spans=tuple((float(log.ts[b]), float(log.ts[a])) for b, a in zip(before, after, strict=True))[:SHOWN_SPANS],
