@@ -65,7 +65,7 @@ def test_json_says_all_of_it(described, capsys):
     assert main(["data", "check", str(described), "--json"]) == 0
     (line,) = capsys.readouterr().out.splitlines()
     said = json.loads(line, parse_constant=pytest.fail)
-    assert list(said) == ["source", "space", "refused", "findings", "recordings", "figure"]
+    assert list(said) == ["source", "space", "refused", "findings", "recordings", "unreadable", "figure"]
     a, b = said["recordings"]
     assert [(one["name"], one["split"], one["rows"], one["recordings"]) for one in (a, b)] == [
         ("a", "train", 80, 2),
@@ -85,6 +85,35 @@ def test_refused_data_are_status_2_with_all_of_the_json(described, capsys):
     assert said["refused"] is True
     assert [one["level"] for one in said["findings"]] == ["refused"]
     assert "training refuses these data" in printed.err
+
+
+def test_files_that_cannot_be_read_are_refused_beside_those_that_can(described, tmp_path, capsys):
+    (described.parent / "c.csv").write_text("t,q,v,u\n")
+    for name in ("d.csv", "e.csv"):
+        (described.parent / name).write_text("t,q,v\n0,1,2\n")
+    described.write_text(described.read_text().replace('["a.csv"]', '["?.csv"]').replace('["b.csv"]', '["c.csv"]'))
+    figure = tmp_path / "arm.png"
+    assert main(["data", "check", str(described), "--figure", str(figure)]) == 2
+    printed = capsys.readouterr()
+    assert printed.err == f"error: `{described}`: training refuses these data. Mend what is named refused.\n"
+    lines = [line.split() for line in printed.out.splitlines()]
+    assert ["train", "a", "80", "3.95", "50", "50", "50", "0", "0", "1"] in lines
+    for part, name in (("train", "c"), ("train", "d"), ("train", "e"), ("test", "c")):
+        assert [part, name, *"-------", "refused"] in lines
+    findings = printed.out.partition("Findings\n")[2].splitlines()
+    assert findings[0].startswith("- refused in c (and 1 more: c): ")
+    assert "a recording must have at least 2 rows; got 0" in findings[0]
+    assert findings[1].startswith("- refused in d (and 1 more: e): ")
+    assert "no column `u`; found `t, q, v`" in findings[1]
+    assert main(["data", "check", str(described), "--json"]) == 2
+    said = json.loads(capsys.readouterr().out)
+    assert said["refused"] is True
+    assert [(one["name"], one["split"]) for one in said["unreadable"]] == [(n, "train") for n in "cde"] + [
+        ("c", "test")
+    ]
+    assert main(["train", str(described), "--out", str(tmp_path / "run")]) == 2
+    (error,) = capsys.readouterr().err.splitlines()
+    assert "d.csv`: no column `u`; found `t, q, v`" in error
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])

@@ -343,7 +343,7 @@ def test_a_log_of_constants_has_one_finding(tmp_path, rate):
 def test_what_does_not_fit_together_is_a_finding(tmp_path):
     path = written(tmp_path, arm(), more="input_matrix = [[1, 0]]")
     assert found(path) == [("refused", "refused", "")]
-    (tmp_path / "run0.csv").write_text("a\n1\n2\n")
+    (tmp_path / "run0.csv").write_text("a\n1\n2\n")  # There is no other one.
     with pytest.raises(DataError, match="no column `t`"):
         check_dataset(path)
 

@@ -27,7 +27,7 @@ def run(command: Data) -> None:
 
     Raises:
         ValueError: If the figure's format is unknown.
-        DataError: If the description or a file cannot be read; and in the end, if training refuses the data.
+        DataError: If the description or every file cannot be read; and in the end, if training refuses the data.
     """
     check_figure(command.figure)
     try:
@@ -54,7 +54,7 @@ def _print_recordings(check: DatasetCheck) -> None:
     columns = (
         "part", "recording", "rows", "duration [s]", "step [ms]", "least", "most", "missing rows", "gaps", "recordings",
     )  # fmt: skip
-    rows = [
+    rows: list[tuple[object, ...]] = [
         (
             each.log.part,
             each.log.name,
@@ -67,6 +67,7 @@ def _print_recordings(check: DatasetCheck) -> None:
         )
         for each in check.recordings
     ]
+    rows.extend((each.part, each.name, *["-"] * 7, "refused") for each in check.unreadable)
     said = check.description
     resampled = f", resampled to {said.resample:g} s" if said.resample else ""
     title = f"What was read: space {said.space}, hold {said.hold}{resampled}; step: median, least and most"
@@ -126,6 +127,11 @@ def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, list[str]]]:
     """Findings of the data set, then of the recordings: the first of its kind, and the names of all that have it."""
     for finding in check.findings:
         yield finding, []
+    reasons: dict[str, tuple[Finding, list[str]]] = {}
+    for each in check.unreadable:
+        reason = each.finding.text.replace(str(each.path), "")  # Files with the same one are named together.
+        reasons.setdefault(reason, (each.finding, []))[1].append(each.name)
+    yield from reasons.values()
     groups: dict[tuple[str, str, str], tuple[Finding, list[str]]] = {}
     for each in check.recordings:
         for finding in each.findings:
@@ -157,6 +163,15 @@ def _as_json(check: DatasetCheck, command: Data) -> dict[str, object]:
         "refused": check.refused,
         "findings": [_finding_as_json(finding) for finding in check.findings],
         "recordings": [_recording_as_json(each) for each in check.recordings],
+        "unreadable": [
+            {
+                "name": each.name,
+                "split": each.part,
+                "file": str(each.path),
+                "findings": [_finding_as_json(each.finding)],
+            }
+            for each in check.unreadable
+        ],
         "figure": None if command.figure is None else str(command.figure),
     }
 

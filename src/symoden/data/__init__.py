@@ -13,6 +13,7 @@ from ._spans import choose_spans as choose_spans
 from ._split import segments as segments, split_validation as split_validation
 from ._time_scale import time_scales as time_scales
 from ._trajectory import Trajectory as Trajectory
+from ._unreadable import Unreadable as Unreadable
 from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
 from ._windows import Windows as Windows, spaced_evenly as spaced_evenly, windows as windows
 from ._write_dataset import write_dataset as write_dataset
@@ -28,6 +29,7 @@ __all__ = [
     "RecordingCheck",
     "SensorNoise",
     "Trajectory",
+    "Unreadable",
     "Windows",
     "check_dataset",
     "choose_spans",

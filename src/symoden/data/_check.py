@@ -12,7 +12,7 @@ from ._description import Description, read_description
 from ._errors import DataError
 from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
-from ._findings import SHOWN_SPANS, Finding
+from ._findings import SHOWN_SPANS, Finding, refusal
 from ._kinematics import AGREES
 from ._left_out import find_absent, find_masked, find_merged
 from ._lengths import find_short
@@ -21,8 +21,9 @@ from ._masking import Mask
 from ._pace import find_fast_sampling
 from ._read_dataset import assemble
 from ._recordings import recordings_of
-from ._survey import survey
+from ._survey import Survey, survey
 from ._trajectory import Trajectory, evenly_spaced
+from ._unreadable import Unreadable, without_unreadable
 from ._zeros import find_counted_zeros
 
 
@@ -57,19 +58,21 @@ class DatasetCheck:
 
     Attributes:
         description: What the description says.
-        recordings: What was found in each file, part by part.
+        recordings: What was found in each file that can be read, part by part.
         findings: What is worth saying of them together.
+        unreadable: The other files.
     """
 
     description: Description
     recordings: tuple[RecordingCheck, ...]
     findings: tuple[Finding, ...]
+    unreadable: tuple[Unreadable, ...] = ()
 
     @property
     def refused(self) -> bool:
         """Whether training refuses the data."""
         every = [*self.findings, *(finding for each in self.recordings for finding in each.findings)]
-        return any(finding.level == "refused" for finding in every)
+        return bool(self.unreadable) or any(finding.level == "refused" for finding in every)
 
 
 def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck:
@@ -83,10 +86,10 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         space: Configuration space to take instead of the description's.
 
     Returns:
-        What was found; whatever `read_dataset` refuses after reading is a finding here.
+        What was found; whatever else `read_dataset` refuses is a finding here.
 
     Raises:
-        DataError: If the description or a file cannot be read.
+        DataError: If the description cannot be read, or none of its files can.
 
     Example:
         >>> check = check_dataset("arm.toml")  # doctest: +SKIP
@@ -96,7 +99,7 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     path = Path(path)
     description = read_description(path, space=space)
     is_angle = angles(path, description)
-    logs, used, rows, examinations, replaced = survey(path, description, is_angle)
+    (logs, used, rows, examinations, replaced), unreadable = _surveyed(path, description, is_angle)
     made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, rows, strict=True)]
     checks = tuple(
         dataclasses.replace(_check(log, recordings, outcome, examination), log=logged)
@@ -112,9 +115,20 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         *_idle_everywhere(checks),
         *find_counted_zeros(logs, [check.channels for check in checks]),
     ]
-    if all(isinstance(outcome, Mask) for _, outcome in made):
+    if not unreadable and all(isinstance(outcome, Mask) for _, outcome in made):
         together.extend(_assembled(path, description, logs, [recordings for recordings, _ in made]))
-    return DatasetCheck(description=description, recordings=checks, findings=tuple(together))
+    return DatasetCheck(description=description, recordings=checks, findings=tuple(together), unreadable=unreadable)
+
+
+def _surveyed(path: Path, description: Description, is_angle: np.ndarray) -> tuple[Survey, tuple[Unreadable, ...]]:
+    """What was found in the files that can be read, and the others."""
+    try:
+        return survey(path, description, is_angle), ()
+    except DataError:
+        readable, others = without_unreadable(path, description, is_angle)
+        if not others or not readable.parts:
+            raise
+    return survey(path, readable, is_angle), others
 
 
 def _made(
@@ -136,13 +150,8 @@ def _assembled(
     try:
         dataset = assemble(path, description, logs, recordings)
     except DataError as error:
-        return [_refusal(error)]
+        return [refusal(error)]
     return [*find_short(dataset), *find_fast_sampling(dataset)]
-
-
-def _refusal(error: DataError) -> Finding:
-    """Why training refuses the data."""
-    return Finding(kind="refused", level="refused", channel="", text=str(error), advice="")
 
 
 def _check(
@@ -154,7 +163,7 @@ def _check(
     late = _out_of_order(log)
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:
-        findings.append(_refusal(outcome))
+        findings.append(refusal(outcome))
     findings.extend([*find_merged(log), *find_absent(log)])
     if isinstance(outcome, Mask):
         findings.extend(find_masked(log, outcome))

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
+from ._errors import DataError
+
 SHOWN_SPANS: Final = 20  # single rows of a finding that are marked, at most
 
 Kind: TypeAlias = Literal[
@@ -32,3 +34,15 @@ class Finding:
     text: str
     advice: str
     spans: tuple[tuple[float, float], ...] = ()
+
+
+def refusal(error: DataError) -> Finding:
+    """Why training refuses the data.
+
+    Args:
+        error: The error with which it does.
+
+    Returns:
+        The finding.
+    """
+    return Finding(kind="refused", level="refused", channel="", text=str(error), advice="")
