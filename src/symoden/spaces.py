@@ -62,7 +62,7 @@ class Space(eqx.Module):
         sizes = [int(match[2]) for match in matches]
         if not factors or len(matches) < len(factors) or sum(sizes) > _LARGEST:
             raise ValueError(
-                f"A space must be factors R<n> and T<m> with n, m ≥ 1, in the order of the coordinates; got {text!r}. "
+                f"`space` must be factors R<n> and T<m> with n, m ≥ 1, in the order of the coordinates; got {text!r}. "
                 'Write for example "R1", "T2", "R1 T1" (a length, then an angle).'
             )
         return cls(tuple(match[1] == "T" for match, size in zip(matches, sizes, strict=True) for _ in range(size)))

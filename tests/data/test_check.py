@@ -155,6 +155,25 @@ def test_the_advised_unit_joins_those_that_are_given(tmp_path):
     assert re.match(r"If `q2` is right, write `v2 = (0\.5|0\.50\d*|0\.49\d*)` into `units`; otherwise", second)
 
 
+@pytest.mark.parametrize(
+    ("more", "advice"),
+    [
+        (
+            'units = {q1 = "deg"}',
+            r'If `v1` is right, write `q1 = 1` into `units`; otherwise write `v1 = "deg/s"` into `units`\.$',
+        ),
+        (
+            "units = {q1 = 3.0}",
+            r"If `v1` is right, write `q1 = (1|1\.0\d*|0\.99\d*)` into `units`; otherwise, if `q1` is, "
+            r"write `v1 = (3|2\.9|3\.0)",
+        ),
+    ],
+)
+def test_a_unit_of_the_position_that_is_given_may_be_the_wrong_one(tmp_path, more, advice):
+    (finding,) = (one for one in check_dataset(written(tmp_path, arm(), more=more)).recordings[0].findings)
+    assert re.search(advice, finding.advice)
+
+
 def test_one_file_in_degrees_is_told_to_be_converted(tmp_path):
     check = check_dataset(written(tmp_path, arm(), scale(arm(1), q1=180 / np.pi)))
     (finding,) = [one for one in check.recordings[1].findings if one.level == "warning"]
@@ -191,7 +210,10 @@ def test_wraps_are_facts_and_other_jumps_are_wrong(tmp_path_factory, seed):
     assert found(path) == []
     assert any(one.kind == "wrap" for one in check_dataset(path).recordings[0].findings)
     log[1000:, 2] += 4.5
-    assert found(written(folder, log)) == [("jump", "warning", "q2")]
+    path = written(folder, log)
+    assert found(path) == [("jump", "warning", "q2")]
+    (jump,) = (one for one in check_dataset(path).recordings[0].findings if one.kind == "jump")
+    assert "but not a whole one, once, first at" in jump.text
 
 
 def test_times_out_of_order_are_refused_and_still_examined(tmp_path):

@@ -98,7 +98,7 @@ BAD = [
     ({"train": ()}, "at least one recording"),
     ({"test": (recording("b", 1, m=2),)}, "`a` has 1 and 1, `b` has 1 and 2"),
     ({"space": "T2"}, "the space `T2` has 2 coordinates, the recordings have 1"),
-    ({"space": "S1"}, r"`arm`: A space must be factors R<n> and T<m>"),
+    ({"space": "S1"}, r"`arm`: `space` must be factors R<n> and T<m>"),
     ({"input_matrix": np.ones((1, 2))}, "`input_matrix` must be 1 × 1 .*; got 1 × 2"),
     ({"input_matrix": np.array([[np.nan]])}, "`input_matrix`, row 0: must be finite"),
     ({"position_names": ("a", "b")}, "`position_names` must be 1 names; got 2"),

@@ -123,7 +123,7 @@ BAD = [
         HEAD.replace("R1 T1", "T3") + TRAIN,
         r"arm.toml`: `space` must have one coordinate .*; `T3` has 3, `positions` has 2",
     ),
-    (HEAD.replace("R1 T1", "S2") + TRAIN, "arm.toml`: `space`: A space must be factors"),
+    (HEAD.replace("R1 T1", "S2") + TRAIN, "arm.toml`: `space` must be factors R<n>"),
     (HEAD.replace('"vphi"', '"omega"') + TRAIN, "a.csv`: no column `omega`; found `t, x, phi, vx, vphi, u`"),
     (
         HEAD.replace('"t"', '"vphi"').replace('velocities = ["vx", "vphi"]\n', "") + TRAIN,

@@ -163,7 +163,7 @@ def angles_of(path: Path, space: str) -> tuple[bool, ...]:
     try:
         return tuple(Space.parse(space).is_angle)
     except ValueError as error:
-        raise DataError(f"`{path}`: `space`: {error}") from error
+        raise DataError(f"`{path}`: {error}") from error
 
 
 def _checked(

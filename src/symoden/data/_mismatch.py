@@ -97,23 +97,29 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
         if abs(size / known - 1) < _SAME:
             columns = {{"q": q, "v": v}[symbol]: unit for symbol, unit in units.items()}
             turned = " One of them has the opposite direction as well." if factor < 0 else ""
+            write = entry(columns, facts.units)
+            advice = f"Write {write}."
+            if v in columns and q in facts.units:  # That one may be wrong.
+                advice = f"If `{v}` is right, write {entry({q: 1 / known}, facts.units)}; otherwise write {write}."
             return [
                 Finding(
                     kind="unit",
                     level="warning",
                     channel=q,
                     text=f"{said}, as it is for {what}",
-                    advice=f"Write {entry(columns, facts.units)}.{turned}",
+                    advice=advice + turned,
                 )
             ]
+    first, second = (v, q) if q in facts.units else (q, v)
+    factors = {q: float(f"{1 / factor:.4g}"), v: float(f"{factor:.4g}")}
     return [
         Finding(
             kind="unit",
             level="warning",
             channel=v,
             text=f"{said}: another unit, a gear between the two sensors, or wrong time stamps?",
-            advice=f"If `{q}` is right, write {entry({v: float(f'{factor:.4g}')}, facts.units)}; otherwise correct the "
-            f"factor of `{q}`, or of the time stamps.",
+            advice=f"If `{first}` is right, write {entry({second: factors[second]}, facts.units)}; otherwise, if "
+            f"`{second}` is, write {entry({first: factors[first]}, facts.units)}, or correct the time stamps.",
         )
     ]
 
@@ -175,7 +181,7 @@ def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
                 kind="wrap",
                 level="note",
                 channel=name,
-                text=f"`{name}` jumps by 2π {len(turns)} times, first at {facts.ts[turns[0] + 1]:.6g} s: taken for "
+                text=f"`{name}` jumps by 2π {_times(turns)}, first at {facts.ts[turns[0] + 1]:.6g} s: taken for "
                 "wraps of the angle, and removed",
                 advice="Nothing need be done.",
                 spans=_at(facts, turns),
@@ -187,7 +193,7 @@ def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
                 kind="wrap",
                 level="warning",
                 channel=name,
-                text=f"`{name}` jumps by 2π {len(turns)} times, first at {facts.ts[turns[0] + 1]:.6g} s, as a wrapped "
+                text=f"`{name}` jumps by 2π {_times(turns)}, first at {facts.ts[turns[0] + 1]:.6g} s, as a wrapped "
                 "angle does, but the description calls it a length",
                 advice="If it is an angle, give its factor of `space` the letter T instead of R.",
                 spans=_at(facts, turns),
@@ -199,7 +205,7 @@ def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
                 kind="jump",
                 level="warning",
                 channel=name,
-                text=f"`{name}` jumps by more than half a turn, but not a whole one, {len(others)} times, first at "
+                text=f"`{name}` jumps by more than half a turn, but not a whole one, {_times(others)}, first at "
                 f"{facts.ts[others[0] + 1]:.6g} s",
                 advice="An angle must move by less than half a turn between samples: look for outliers, lost samples, "
                 "or another unit (degrees?).",
@@ -207,6 +213,11 @@ def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
             )
         )
     return found
+
+
+def _times(samples: np.ndarray) -> str:
+    """How often something happens."""
+    return "once" if len(samples) == 1 else f"{len(samples)} times"
 
 
 def _quiet(q: np.ndarray, turns: np.ndarray) -> bool:

@@ -25,11 +25,18 @@ def _text(value: object) -> str:
     return value if isinstance(value, str) and value else _fail("a text")
 
 
-def _texts(value: object) -> tuple[str, ...]:
+def _texts(value: object, *, of: str = "column") -> tuple[str, ...]:
     """A list of names, at least one."""
-    if not isinstance(value, list) or not value or not all(isinstance(item, str) and item for item in value):
+    if value == []:
+        raise ValueError(f"must name at least one {of}")
+    if not isinstance(value, list) or not all(isinstance(item, str) and item for item in value):
         _fail('a list of texts in brackets, such as ["a", "b"]')
     return tuple(value)
+
+
+def _files(value: object) -> tuple[str, ...]:
+    """A list of names of files or of patterns, at least one."""
+    return _texts(value, of="file")
 
 
 def _labels(value: object) -> tuple[str, ...]:
@@ -150,7 +157,7 @@ def _rows(value: object) -> tuple[int, int | None]:
 
 
 PART_KEYS: Final[dict[str, Check]] = {
-    "files": _texts,
+    "files": _files,
     "rows": _rows,
     "recordings": _labels,
     "split_every": _positive,
