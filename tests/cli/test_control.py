@@ -76,6 +76,17 @@ def test_people_get_a_table(near_pendulum, capsys):
     assert "3 episodes of 3 s" in printed.err
 
 
+def test_what_friction_holds_is_told_with_its_number(tmp_path, capsys):
+    parts = {"mass_matrix": [[2]], "potential_energy": "0*q1", "input_matrix": [[5]]}
+    run = knowing_run(tmp_path, "pendulum", "T1", **parts, dissipation_matrix=[["11/sqrt(v1**2 + 1e-4)"]])
+    words = ["control", str(run), "--target", "0.3", "--max-input", "2", *QUICK]
+    assert main(words) == 0
+    assert "friction holds 3 of 3 episodes beside the target" in (told := capsys.readouterr().out)
+    assert "moving takes 2.189" in told
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["held_by_friction"] == 3
+
+
 def test_ida_pbc_tells_what_remains_unmatched(near_cart_pole, capsys):
     words = ["control", str(near_cart_pole), "--method", "ida-pbc", *QUICK]
     assert main([*words, "--json"]) == 0

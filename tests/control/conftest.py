@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from symoden.control import energy_rate
+from symoden.known import KnownParts
+from symoden.mechanics import AbstractPortHamiltonian
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
 from symoden.systems import Acrobot, CartPole, Pendulum
@@ -26,6 +28,19 @@ def rate_of(plant, controller, q, v, t=0.0):
     """dH_d/dt and the input, as numbers."""
     rate, u = RATE(plant, controller, jnp.asarray(q), jnp.asarray(v), jnp.asarray(t))
     return float(rate), np.asarray(u)
+
+
+def slide(friction, damping=3.0):
+    """A slide of 2 kg on a rail, driven by 5 N/V against dry friction [N], smoothed below 2 mm/s; V is flat."""
+    parts = KnownParts(
+        mass_matrix=[[2]],
+        potential_energy="0*q1",
+        input_matrix=[[5]],
+        dissipation_matrix=[[f"{damping} + {friction}/sqrt(v1**2 + 4e-6)"]],
+    )
+    plant = build(ModelConfig(), Space.parse("R1"), 1, known=parts, key=jax.random.key(0))
+    assert isinstance(plant, AbstractPortHamiltonian)
+    return plant
 
 
 @pytest.fixture

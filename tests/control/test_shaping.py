@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from symoden.control import EnergyShaping, Loop, judge, run_episodes
+from symoden.control import EnergyShaping, Loop, audit_energy, find_stuck, judge, run_episodes
+from symoden.control._scales import bandwidth
 from symoden.known import KnownParts
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 
-from .conftest import CART_POLE, FULL, PENDULUM, rate_of
+from .conftest import CART_POLE, FULL, PENDULUM, rate_of, slide
 
 CONTROLLERS = {name: EnergyShaping.of(system, target, limits=limit) for name, (system, target, limit) in FULL.items()}
 CALLS = {name: eqx.filter_jit(controller) for name, controller in CONTROLLERS.items()}
@@ -52,12 +53,56 @@ def test_dry_friction_does_not_make_the_way_a_creep():
     )
     plant = build(ModelConfig(), Space.parse("T1"), 1, known=rough, key=jax.random.key(0))
     assert isinstance(plant, AbstractPortHamiltonian)
-    controller = EnergyShaping.of(plant, [0.0], limits=10.0)
+    controller = EnergyShaping.of(plant, [0.0], frequency=15**0.5, limits=10.0)
     starts = np.array([[-3.0], [-1.0], [0.5], [2.0]])
-    creeping = EnergyShaping.of(plant, [0.0], limits=10.0, compensation=0.0)
+    creeping = EnergyShaping.of(plant, [0.0], frequency=15**0.5, limits=10.0, compensation=0.0)
     for each, arrive in ((controller, 4), (creeping, 0)):
         episodes = run_episodes(plant, each, starts, 0 * starts, Loop(duration=10.0))
         assert judge(episodes, plant.space, np.zeros(1)).success.sum() == arrive
+
+
+def go(plant, period=0.005):
+    """Move a slide to 0.3 m with 2 V."""
+    starts = 0.3 + np.linspace(-0.5, 0.5, 6)[:, None]
+    controller = EnergyShaping.of(plant, [0.3], limits=2.0, period=period)
+    episodes = run_episodes(plant, controller, starts, 0 * starts, Loop(duration=15.0, period=period, step=0.001))
+    return controller, episodes, judge(episodes, plant.space, np.array([0.3]))
+
+
+@pytest.mark.parametrize(("friction", "damping"), [(0.0, 0.0), (1.5, 3.0), (4.5, 3.0)])
+def test_a_slide_on_which_nothing_but_friction_acts_arrives(friction, damping):
+    plant = slide(friction, damping)
+    controller, episodes, verdict = go(plant)
+    assert verdict.success.all()
+    assert np.median(verdict.settling) < 4
+    assert audit_energy(plant, controller, episodes).share == 1
+    assert not find_stuck(plant, episodes, np.array([0.3])).held.any()
+
+
+def test_what_friction_holds_beside_the_target_is_told_in_inputs():
+    plant = slide(11.0)  # of the 10 N that there are
+    _, episodes, verdict = go(plant)
+    stuck = find_stuck(plant, episodes, np.array([0.3]))
+    assert stuck.held.sum() == (~verdict.success).sum() >= 4
+    np.testing.assert_allclose(stuck.friction, (11 + 0.3) / 5, rtol=1e-3)
+    assert np.all(stuck.push[stuck.held] < 2.0)
+    assert np.all(stuck.distance[stuck.held] > 0.05)
+    naive = build(ModelConfig(kind="naive", flow=(4,)), Space.parse("R1"), 1, key=jax.random.key(0))
+    assert not find_stuck(naive, episodes, np.array([0.3])).held.any()
+
+
+@pytest.mark.parametrize("name", FULL)
+def test_where_the_potential_energy_asks_for_more_neither_limits_nor_friction_change_gains(name):
+    system, target, limit = FULL[name]
+    goal = jnp.array(target)
+    expected = bandwidth(system, goal) ** 2 * np.diag(system.mass_matrix(goal))
+    np.testing.assert_allclose(EnergyShaping.of(system, target, limits=limit).stiffness, expected, rtol=1e-9)
+
+
+def test_the_period_bounds_what_limits_and_friction_ask_for():
+    stiffness = [float(EnergyShaping.of(slide(4.5), [0.3], limits=2.0, period=T).stiffness[0]) for T in (0.005, 0.1)]
+    assert stiffness[0] == pytest.approx((4.5 + 0.3) / 0.05, rel=1e-3)
+    assert stiffness[1] == pytest.approx(2 * (0.25 / 0.1) ** 2)
 
 
 @pytest.mark.parametrize("name", FULL)

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import cast
 
@@ -128,9 +129,24 @@ def _print(result: ControlResult, settings: ControlConfig, outside: float) -> No
             ["at the natural speed", f"{matching.moving:.2g}", f"({then})"],
         ]
         print_table("forces that no input matches, relative to the largest load", ("", "largest", "at q"), rows)
+    for line in _stuck_words(result):
+        print(line)
     if audit.share < 1:
         q, v = (", ".join(number(x) for x in part) for part in (audit.worst_q, audit.worst_v))
         print(f"the desired energy rises fastest at q = ({q}), v = ({v})")
+
+
+def _stuck_words(result: ControlResult) -> Iterator[str]:
+    """What friction holds beside the target, if anything, and what helps."""
+    if result.stuck is None or not result.stuck.held.any():
+        return
+    held = result.stuck.held
+    distance, push, friction = (number(float(np.median(part[held]))) for part in result.stuck[1:])
+    yield (
+        f"friction holds {held.sum()} of {len(held)} episodes beside the target, in the median {distance} away: there "
+        f"{push} of input pushes, and moving takes {friction}. More `--max-input` or a shorter `--period` allows "
+        "larger gains."
+    )
 
 
 def _as_json(result: ControlResult, settings: ControlConfig, outside: float, command: Control) -> dict[str, object]:
@@ -163,6 +179,7 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
             "worst_v": audit.worst_v,
             "saturated": audit.saturated,
         },
+        "held_by_friction": 0 if result.stuck is None else int(result.stuck.held.sum()),
         "matching": None if result.matching is None else result.matching._asdict(),
         "figure": None if command.figure is None else str(command.figure),
         "video": None if command.video is None else str(command.video),

@@ -37,6 +37,7 @@ from ._plan import Motion as Motion, plan_motion as plan_motion
 from ._pumps import CollocatedPump as CollocatedPump, EnergyPump as EnergyPump
 from ._regulator import Regulator as Regulator, linearize as linearize
 from ._shaping import EnergyShaping as EnergyShaping
+from ._stuck import Stuck as Stuck, find_stuck as find_stuck
 from ._tracking import Reference as Reference, Tracking as Tracking
 
 __all__ = [
@@ -60,6 +61,7 @@ __all__ = [
     "Observer",
     "Reference",
     "Regulator",
+    "Stuck",
     "Tell",
     "Tolerance",
     "Tracking",
@@ -72,6 +74,7 @@ __all__ = [
     "design",
     "desired_energies",
     "energy_rate",
+    "find_stuck",
     "input_limits",
     "judge",
     "linearize",

@@ -67,7 +67,7 @@ def design(
         target: Configuration to go to.
         method: How; `choose_method` decides if absent.
         limits: Largest magnitude of the inputs, one number or one for each; None for none.
-        period: Control period [s] that regulators are optimal for; None for continuous control.
+        period: Control period [s] that regulators are optimal for, and that bounds gains; None for continuous control.
         reference: q_d(t) for "tracking"; a slow swing about the target if absent.
         tell: Called with what is being done, where that takes long.
 
@@ -90,7 +90,7 @@ def design(
         raise ValueError(f"The method {chosen!r} needs a model with an energy; got {type(model).__name__}. Use 'lqr'.")
     match chosen:
         case "energy-shaping":
-            return EnergyShaping.of(model, target, limits=limits)
+            return EnergyShaping.of(model, target, limits=limits, period=period)
         case "tracking":
             return Tracking.of(model, reference or slow_swing(model, as_array(target)), limits=limits)
         case "ida-pbc":

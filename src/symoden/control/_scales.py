@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractPortHamiltonian
-from symoden.shapes import Coordinates
+from symoden.shapes import Coordinates, Scalar, Velocities
 
-from ._motion import gradient, potential
+from ._motion import friction_matrix, gradient, potential
 
 _LEAST = 1.0
 _POINTS = 512
@@ -63,6 +63,22 @@ def static_load(model: AbstractPortHamiltonian, target: Coordinates) -> Float[np
         One magnitude for each input, by least squares where there are fewer inputs than coordinates.
     """
     return _values(_load, model, configurations(model, target)).max(axis=0)
+
+
+def slow_friction(model: AbstractPortHamiltonian, q: Coordinates, speed: Scalar) -> Velocities:
+    """Friction of each coordinate that moves alone and slowly: dry friction, and a little of the viscous one.
+
+    Args:
+        model: System or model.
+        q: Configuration.
+        speed: How slowly [rad/s or m/s].
+
+    Returns:
+        The larger of both directions' for each coordinate, in the model's unit of force.
+    """
+    alone = speed * jnp.eye(q.size, dtype=q.dtype)
+    forces = jax.vmap(lambda v: friction_matrix(model, q, v) @ v)(jnp.concatenate([alone, -alone]))
+    return jnp.abs(jnp.stack([jnp.diag(forces[: q.size]), jnp.diag(forces[q.size :])])).max(axis=0)
 
 
 def energy_range(model: AbstractPortHamiltonian, target: Coordinates) -> float:

@@ -3,20 +3,25 @@
 import math
 from typing import final
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
+from ._judge import Tolerance
 from ._motion import gradient
-from ._scales import bandwidth, configurations, static_load
+from ._scales import bandwidth, configurations, slow_friction, static_load
 
 _COMPENSATED = 0.5  # A friction learned twice too large is not made up for more than wholly.
 _SHARE = 0.5  # of what the limits leave beside the static load; the rest is for damping.
+_BRISK = 0.25  # of it acts 1 rad or 1 m from the target, at least: where V is flat, it has no rate.
+_SAMPLED = 0.25  # Largest ω times the control period, as damping 2ωM, held for a period, must not push.
 
 
 @final
@@ -74,16 +79,23 @@ class EnergyShaping(AbstractController):
         damping_ratio: float = 1.0,
         compensation: float = _COMPENSATED,
         limits: Limits = None,
+        period: float | None = None,
     ) -> "EnergyShaping":
-        """Choose gains from the inertia: K_p = ω² diag M, damping 2 ζ ω M at the target.
+        """Choose gains from the inertia at the target: K_p = ω² diag M, damping 2 ζ √ω M √ω, an ω for each coordinate.
+
+        Without `frequency`, ω is the fastest rate of the potential energy there; or, where that is slow beside what the
+        inputs can do, the one for which 1 rad or 1 m takes a quarter of what the limits leave; and at least such that
+        at the edge of the tolerance V_d overcomes the coordinate's friction at the tolerance's speed (`Tolerance`):
+        dry friction would hold it farther away.
 
         Args:
             model: System or learned model with as many inputs as coordinates.
             target: Configuration to go to.
-            frequency: ω [rad/s]; the fastest of the potential energy at the target if absent.
+            frequency: ω [rad/s], of all coordinates.
             damping_ratio: ζ.
             compensation: κ, the share of the friction to make up for, from 0 to 1.
             limits: Largest magnitude of the inputs; None for none.
+            period: Control period [s], which bounds the rates that limits and friction ask for; None for none.
 
         Returns:
             The controller.
@@ -101,7 +113,6 @@ class EnergyShaping(AbstractController):
                 "Use swing-up, IDA-PBC or a controlled Lagrangian."
             )
         goal = as_array(target)
-        omega = bandwidth(model, goal) if frequency is None else frequency
         bounds = input_limits(limits, n)
         room = bounds - static_load(model, goal)
         if not np.all(room > 0):
@@ -110,15 +121,20 @@ class EnergyShaping(AbstractController):
                 "potential energy to be shaped. Allow more, or use swing-up."
             )
         M, inverse = np.asarray(model.mass_matrix(goal)), np.linalg.inv(np.asarray(model.input_matrix(goal)))
-        stiffness = omega**2 * np.diag(M)
         inverses = np.linalg.inv(np.asarray(jax.vmap(model.input_matrix)(configurations(model, goal))))
+        if frequency is None:
+            accelerations = room / (np.abs(inverses) * np.diag(M)).max(axis=(0, 2))
+            omega = _rates(model, goal, float(accelerations.min()), period)
+        else:
+            omega = np.full(n, frequency)
+        stiffness = omega**2 * np.diag(M)
         steepness = np.sqrt(np.einsum("kij,j,kij->ki", inverses, stiffness, inverses).max(axis=0))
         delta = np.min(_SHARE * room / steepness)
         return cls(
             model=model,
             target=goal,
             stiffness=as_array(stiffness),
-            damping=as_array(inverse @ (2 * damping_ratio * omega * M) @ inverse.T),
+            damping=as_array(inverse @ (2 * damping_ratio * np.sqrt(np.outer(omega, omega)) * M) @ inverse.T),
             curving=as_array(0.0 if math.isinf(delta) else delta**-2),
             compensation=as_array(compensation),
             limits=as_array(bounds),
@@ -164,6 +180,18 @@ class EnergyShaping(AbstractController):
         """Force of V_d beside that of ½ eᵀ K_p e; its root keeps the damping ratio far from the target."""
         e = self.model.space.difference(q, self.target)
         return 1 / jnp.sqrt(1 + self.curving * (e @ (self.stiffness * e)))
+
+
+def _rates(
+    model: AbstractPortHamiltonian, goal: Coordinates, acceleration: float, period: float | None
+) -> Float[np.ndarray, " n"]:
+    """ω of each coordinate: the fastest that V, the acceleration which limits leave, and friction ask for."""
+    there = Tolerance()
+    friction = np.asarray(eqx.filter_jit(slow_friction)(model, goal, as_array(there.velocity)))
+    asked = np.sqrt(friction / there.position / np.diag(np.asarray(model.mass_matrix(goal))))
+    if math.isfinite(acceleration):
+        asked = np.maximum(asked, math.sqrt(_BRISK * acceleration))
+    return np.maximum(bandwidth(model, goal), np.minimum(asked, math.inf if period is None else _SAMPLED / period))
 
 
 def fitting(u: Inputs, extra: Inputs, limits: Inputs) -> Inputs:

@@ -22,6 +22,7 @@ from symoden.control import (
     Matching,
     Method,
     Observer,
+    Stuck,
     Tell,
     Tracking,
     Verdict,
@@ -29,6 +30,7 @@ from symoden.control import (
     choose_method,
     design,
     desired_energies,
+    find_stuck,
     input_limits,
     judge,
     lowest,
@@ -108,6 +110,7 @@ class ControlResult:
         energy: Desired energy along each record.
         verdict: How each episode ended.
         audit: Where the desired energy falls.
+        stuck: What friction holds beside the target; nothing where a reference is followed.
         matching: How well the matching conditions hold, for IDA-PBC.
         controller_ms: Median time of a call of the compiled controller for one state [ms].
         design_s: Time it took to make it [s].
@@ -122,6 +125,7 @@ class ControlResult:
     energy: Float[np.ndarray, "k T"]
     verdict: Verdict
     audit: LyapunovAudit
+    stuck: Stuck | None
     matching: Matching | None
     controller_ms: float
     design_s: float
@@ -295,6 +299,7 @@ def try_control(
         energy=desired_energies(controller, episodes),
         verdict=_judged(controller, episodes, machine),
         audit=audit_energies(tried, controller),
+        stuck=None if isinstance(controller, Tracking) else _stuck(tried, machine),
         matching=controller.matching() if isinstance(controller, IdaPbc) else None,
         controller_ms=_call_ms(controller, q0[0], v0[0]),
         design_s=design_s,
@@ -307,6 +312,12 @@ def _judged(controller: AbstractController, episodes: Episode, machine: Machine)
         return judge(episodes, machine.system.space, np.asarray(machine.target))
     q, v, _ = jax.vmap(controller.wanted)(episodes.ts[0])
     return judge(episodes, machine.system.space, np.asarray(q), velocities=np.asarray(v))
+
+
+def _stuck(tried: Sequence[tuple[AbstractDynamics, Episode]], machine: Machine) -> Stuck:
+    """What friction holds in the episodes of all plants."""
+    found = [find_stuck(plant, records, np.asarray(machine.target)) for plant, records in tried]
+    return Stuck(*map(np.concatenate, zip(*found, strict=True)))
 
 
 def _call_ms(controller: AbstractController, q: Float[np.ndarray, " n"], v: Float[np.ndarray, " n"]) -> float:
