@@ -11,7 +11,7 @@ from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.systems import CartPole, Pendulum
 
-from .conftest import CART_POLE, PENDULUM
+from .conftest import ACROBOT, CART_POLE, PENDULUM
 
 
 def test_a_pendulum_is_linearised_in_closed_form():
@@ -77,3 +77,11 @@ def test_within_the_region_a_pendulum_is_caught_and_far_outside_it_is_not():
         q0, v0 = np.split(np.sqrt(factor * level) * circle, 2, axis=1)
         ends = run_episodes(PENDULUM, regulator, q0, v0, Loop(duration=6.0, period=0.01)).q[:, -1]
         assert bool((jnp.abs(ends) < 0.05).all()) == caught
+
+
+def test_an_equilibrium_beside_the_target_within_the_tolerance_is_held():
+    target = [np.pi + 0.001, 0.0]
+    regulator = Regulator.of(ACROBOT, target, limits=15.0)
+    assert attraction(ACROBOT, regulator) == pytest.approx(
+        attraction(ACROBOT, Regulator.of(ACROBOT, [np.pi, 0.0], limits=15.0)), rel=0.3
+    )

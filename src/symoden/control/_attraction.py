@@ -12,6 +12,7 @@ from symoden.mechanics import AbstractDynamics
 from ._controller import as_array
 from ._follower import Follower
 from ._handover import Handover
+from ._judge import Tolerance
 from ._loop import Loop, run_episodes
 from ._regulator import Regulator
 
@@ -32,7 +33,8 @@ def attraction(
     """Level c of the cost to go below which the model, so controlled, always comes near its target.
 
     States are drawn on ellipsoids xᵀ P x = level, levels going up geometrically; c is a share of the last level before
-    a simulation fails. This is a sample, not a proof.
+    a simulation fails: is neither at the target within the tolerance, which a learned equilibrium may lie beside and
+    dry friction reaches no closer, nor calmed to a fiftieth of the level. This is a sample, not a proof.
 
     Args:
         dynamics: What the regulator was made for; never the machine itself.
@@ -53,9 +55,9 @@ def attraction(
     q0, v0 = np.split(x.reshape(-1, s), 2, axis=1)
     loop = Loop(duration=duration, period=period, step=period)
     episodes = run_episodes(dynamics, regulator, q0 + np.asarray(regulator.target), v0, loop)
-    left = np.asarray(_costs(regulator, episodes.q[:, -1], episodes.v[:, -1])).reshape(_LEVELS, -1)
+    left, away = (x.reshape(_LEVELS, -1) for x in _ends(regulator, episodes.q[:, -1], episodes.v[:, -1]))
     with np.errstate(invalid="ignore"):
-        good = (left <= _CALMED * levels[:, None]).all(axis=1)
+        good = ((left <= _CALMED * levels[:, None]) | (away <= 1)).all(axis=1)
     count = _LEVELS if good.all() else int(np.argmin(good))
     return float(_SHARE * levels[count - 1]) if count else 0.0
 
@@ -84,7 +86,7 @@ def follower_level(dynamics: AbstractDynamics, controller: Handover, *, period: 
     loop = Loop(duration=len(x) * _PLAN_PERIOD + _AFTER, period=period, step=period)
     q0, v0 = np.split(starts, 2, axis=1)
     episodes = run_episodes(dynamics, following, q0, v0, loop)
-    costs = np.asarray(_costs(controller.near, episodes.q[:, -1], episodes.v[:, -1])).reshape(len(_FUNNELS), -1)
+    costs = _ends(controller.near, episodes.q[:, -1], episodes.v[:, -1])[0].reshape(len(_FUNNELS), -1)
     with np.errstate(invalid="ignore"):
         good = (costs < float(controller.level)).mean(axis=1) >= _ENOUGH
     count = len(_FUNNELS) if good.all() else int(np.argmin(good))
@@ -97,7 +99,18 @@ def _sphere(generator: np.random.Generator, size: int) -> Float[np.ndarray, "k s
     return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
+def _ends(
+    regulator: Regulator, q: Float[Array, "k n"], v: Float[Array, "k n"]
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Costs to go, and deviations beside the tolerance: at most 1 of what is at the target."""
+    there = Tolerance()
+    x, costs = map(np.asarray, _deviations(regulator, q, v))
+    return costs, np.abs(x / np.repeat([there.position, there.velocity], regulator.space.size)).max(axis=1)
+
+
 @eqx.filter_jit
-def _costs(regulator: Regulator, q: Float[Array, "k n"], v: Float[Array, "k n"]) -> Float[Array, " k"]:
-    """Costs to go."""
-    return jax.vmap(regulator.desired_energy)(q, v)
+def _deviations(
+    regulator: Regulator, q: Float[Array, "k n"], v: Float[Array, "k n"]
+) -> tuple[Float[Array, "k s"], Float[Array, " k"]]:
+    """Ways from the target, and costs to go."""
+    return jax.vmap(regulator.deviation)(q, v), jax.vmap(regulator.desired_energy)(q, v)
