@@ -35,7 +35,7 @@ from symoden.mechanics import AbstractPortHamiltonian
 from symoden.models import ModelConfig, build, rescale
 from symoden.spaces import Space
 
-from .conftest import ACROBOT, CART_POLE, FULL_ACROBOT, PENDULUM
+from .conftest import ACROBOT, CART_POLE, FULL_ACROBOT, PENDULUM, slide
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +51,7 @@ def test_the_method_follows_from_actuation_and_strength():
     assert choose_method(CART_POLE, [0.0, 0.0], limits=15.0) == "swing-up"
     naive = build(ModelConfig(kind="naive", flow=(4,)), Space.parse("T1"), 1, key=jax.random.key(0))
     assert choose_method(naive, [0.0]) == "lqr"
+    assert choose_method(slide(1.5), [0.3], limits=2.0) == "energy-shaping"
     with pytest.raises(ValueError, match="needs a model with an energy; got NaiveModel"):
         design(naive, [0.0], method="energy-shaping")
 
@@ -66,6 +67,42 @@ def test_names_make_their_controllers():
     assert {*made, "swing-up"} <= set(METHODS)
     with pytest.raises(ValueError, match="Swing-up needs limits"):
         design(PENDULUM, [0.0], method="swing-up")
+
+
+@pytest.mark.parametrize(
+    ("target", "settings", "message"),
+    [
+        ([np.pi + 0.01, 0.0], {"limits": 15.0}, "must be an equilibrium of the model"),
+        ([np.pi, 0.0], {"limits": 15.0, "period": 1.0}, r"A period of 1 s is too long .* with 0.01 s it does"),
+    ],
+)
+def test_why_a_regulator_does_not_hold_the_target_is_told(target, settings, message):
+    with pytest.raises(ValueError, match=message):
+        design(ACROBOT, target, method="swing-up", **settings)
+
+
+@pytest.mark.parametrize(
+    ("sharpness", "message"),
+    [("1e-4", "with 100 times as much it does"), ("1e-6", "would not with 100 times the input")],
+)
+def test_whether_more_input_helps_against_friction_is_tried(sharpness, message):
+    parts = KnownParts(
+        mass_matrix=[["1/3"]],
+        potential_energy="5*cos(q1)",
+        input_matrix=[[1]],
+        dissipation_matrix=[[f"0.3/sqrt(v1**2 + {sharpness})"]],
+    )
+    plant = build(ModelConfig(), Space.parse("T1"), 1, known=parts, key=jax.random.key(0))
+    with pytest.raises(ValueError, match=message):
+        design(plant, [0.0], method="swing-up", limits=0.4)
+
+
+def test_what_no_regulator_can_do_is_refused_before_it_is_tried():
+    for method in ("lqr", "swing-up"):
+        with pytest.raises(ValueError, match=r"must exceed what holding the target takes, \[2.397\]; they are \[2.0\]"):
+            design(PENDULUM, [0.5], method=method, limits=2.0)
+    with pytest.raises(ValueError, match=r"along those of R1 the potential energy is flat"):
+        design(slide(1.5), [0.3], method="swing-up", limits=2.0)
 
 
 def test_a_weak_pendulum_swings_up_from_anywhere(swing_up):

@@ -13,6 +13,7 @@ from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Scalar
 
 from ._attraction import attraction, follower_level
+from ._causes import why_not_held
 from ._controller import AbstractController, Limits, Target, as_array, input_limits
 from ._follower import Follower
 from ._handover import Handover
@@ -22,7 +23,7 @@ from ._motion import potential
 from ._plan import plan_motion
 from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate
 from ._regulator import Regulator
-from ._scales import bandwidth, configurations, static_load
+from ._scales import bandwidth, configurations, energy_range, static_load
 from ._search import searched
 from ._shaping import EnergyShaping
 from ._tracking import Reference, Tracking
@@ -39,6 +40,7 @@ _PERIOD: Final = 0.01
 _CYCLIC: Final = 0.02
 _NEWTON: Final = 5
 _FLAT: Final = 1e-2  # Curvature, relative to the largest.
+_FLAT_WORK: Final = 1e-3  # Of V, relative to what the inputs do along 1 rad or 1 m.
 
 
 def silent(text: str) -> None:
@@ -104,7 +106,7 @@ def design(
 
 
 def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = None) -> Method:
-    """Method that suits a system: energy shaping where the inputs can carry it everywhere, otherwise swing-up.
+    """Method that suits a system: energy shaping where the inputs can carry it everywhere, or swing-up of angles.
 
     Args:
         model: System or model.
@@ -112,14 +114,14 @@ def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = N
         limits: Largest magnitude of the inputs.
 
     Returns:
-        The method; "lqr" for a model without energy.
+        The method; "lqr" for a model without energy, or without an angle to swing up.
     """
     if not isinstance(model, AbstractPortHamiltonian):
         return "lqr"
-    if model.inputs < model.space.size:
-        return "swing-up"
-    strong = np.all(input_limits(limits, model.inputs) > static_load(model, as_array(target)))
-    return "energy-shaping" if strong else "swing-up"
+    bounds, load = input_limits(limits, model.inputs), static_load(model, as_array(target))
+    if model.inputs == model.space.size and np.all(bounds > load):
+        return "energy-shaping"
+    return "swing-up" if any(model.space.is_angle) else "lqr"
 
 
 def slow_swing(model: AbstractPortHamiltonian, target: Coordinates) -> Reference:
@@ -147,12 +149,13 @@ def _swing_up(
     """Energy where it suffices, a planned motion otherwise; then a regulator."""
     if not np.isfinite(input_limits(limits, model.inputs)).all():
         raise ValueError("Swing-up needs limits of the inputs: what would be planned without them has no bound.")
+    _check_height(model, target, limits)
     simulated = _PERIOD if period is None else max(period, _PERIOD)
     near = Regulator.of(model, target, limits=limits, period=period)
     tell("simulating the model under its regulator")
     level = attraction(model, near, period=simulated)
     if level == 0:
-        raise ValueError("The regulator does not hold the model at the target within the limits. Allow more input.")
+        raise ValueError(why_not_held(model, near, period))
 
     def hand_over(far: AbstractController) -> Handover:
         return Handover(far=far, near=near, level=as_array(level), limits=near.limits)
@@ -168,6 +171,17 @@ def _swing_up(
     tell("simulating the model along the planned motion")
     whole = hand_over(follower)
     return eqx.tree_at(lambda c: c.far.level, whole, as_array(follower_level(model, whole, period=simulated)))
+
+
+def _check_height(model: AbstractPortHamiltonian, target: Coordinates, limits: Limits) -> None:
+    """Refuse a potential energy that is as good as flat along all angles: there is nothing to swing up."""
+    height = energy_range(model, target)
+    work = float((np.abs(np.asarray(model.input_matrix(target))) @ input_limits(limits, model.inputs)).max())
+    if height < _FLAT_WORK * work:
+        raise ValueError(
+            f"Swing-up needs angles that weight pulls down; along those of {model.space} the potential energy is flat. "
+            "Use energy-shaping, or lqr where an input is missing."
+        )
 
 
 def _rides(model: AbstractPortHamiltonian, target: Coordinates) -> bool:

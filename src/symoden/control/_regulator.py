@@ -71,11 +71,16 @@ class Regulator(AbstractController):
             The controller.
 
         Raises:
-            ValueError: If the linearised system cannot be stabilised.
+            ValueError: If holding the target takes more than the limits, or the linearised system cannot be stabilised.
         """
         goal = as_array(target)
         bounds = input_limits(limits, dynamics.inputs)
         A, B, hold = linearize(dynamics, goal)
+        if not np.all(np.abs(hold) < bounds):
+            raise ValueError(
+                f"The limits must exceed what holding the target takes, {np.abs(hold).round(3).tolist()}; they are "
+                f"{bounds.tolist()}. Allow more input, or choose a target that takes less."
+            )
         n = dynamics.space.size
         omega = max(1.0, float(np.sqrt(np.abs(np.linalg.eigvals(A[n:, :n])).max())))
         units = np.where(np.isfinite(bounds), bounds, omega**2 / np.linalg.norm(B[n:], axis=0))
@@ -156,6 +161,20 @@ def _linearize(dynamics: AbstractDynamics, target: Coordinates) -> tuple:
     hold = -jnp.linalg.lstsq(input_effect[n:], drift[n:])[0]
     by_q, by_v, by_u = jax.jacfwd(field, argnums=(0, 1, 2))(target, still, hold)
     return jnp.concatenate([by_q, by_v], axis=1), by_u, hold
+
+
+def remaining_motion(dynamics: AbstractDynamics, regulator: Regulator) -> Float[Array, " s"]:
+    """Rates of (q, v) at rest at the target, with the input that holds it: zero at an equilibrium.
+
+    Args:
+        dynamics: What the regulator was made for.
+        regulator: The regulator.
+
+    Returns:
+        The rates.
+    """
+    still = jnp.zeros_like(regulator.target)
+    return jnp.concatenate(eqx.filter_jit(velocity_field)(dynamics, regulator.target, still, regulator.hold))
 
 
 def _riccati(

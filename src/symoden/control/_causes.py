@@ -1,0 +1,64 @@
+"""Why a regulator does not hold a model at its target."""
+
+from typing import Final
+
+import numpy as np
+
+from symoden.mechanics import AbstractDynamics
+
+from ._attraction import attraction
+from ._judge import Tolerance
+from ._regulator import Regulator, linearize, remaining_motion
+
+_QUICK: Final = 0.01
+_MORE: Final = (10, 100)
+
+
+def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | None) -> str:
+    """Find what to change, by trying it on the model.
+
+    Args:
+        model: What the regulator was made for.
+        regulator: The regulator that does not hold it.
+        period: Its control period [s].
+
+    Returns:
+        What must hold, what arrived, what to do.
+    """
+    target = regulator.target.tolist()
+
+    def holds(limits: tuple[float, ...], period: float | None) -> bool:
+        other = Regulator.of(model, target, limits=limits, period=period)
+        return attraction(model, other, period=_QUICK if period is None else max(period, _QUICK)) > 0
+
+    limits = tuple(regulator.limits.tolist())
+    A, B, _ = linearize(model, regulator.target)
+    rest = np.linalg.solve(A - B @ np.asarray(regulator.gain), -np.asarray(remaining_motion(model, regulator)))
+    aside = float(np.abs(rest[: model.space.size]).max())
+    if aside > Tolerance().position:
+        return (
+            f"The target {target} must be an equilibrium of the model, but no input holds it there: the regulator "
+            f"would come to rest {aside:.2g} rad or m away, by its linearisation. Choose a target where it rests."
+        )
+    if period is not None and period > _QUICK and holds(limits, _QUICK):
+        return (
+            f"A period of {period:g} s is too long for the regulator to hold the model at the target; with "
+            f"{_QUICK:g} s it does. {_growth(A)}Shorten the period."
+        )
+    for factor in _MORE:
+        if holds(tuple(factor * limit for limit in limits), period):
+            return (
+                f"The regulator does not hold the model at the target with inputs up to {list(limits)}; with {factor} "
+                "times as much it does. Allow more input."
+            )
+    return (
+        f"The regulator does not hold the model at the target {target}, and would not with {_MORE[-1]} times the "
+        "input: there the model is not what its linearisation says, as with sharp dry friction. Choose another "
+        "target, or collect data about this one."
+    )
+
+
+def _growth(A: np.ndarray) -> str:
+    """How fast deviations grow, in words."""
+    rate = float(np.linalg.eigvals(A).real.max())
+    return f"Without input, deviations grow by a factor of e in {1 / rate:.2g} s. " if rate > 0 else ""
