@@ -9,7 +9,16 @@ from PIL import Image
 
 from symoden.cli import main
 from symoden.control import METHODS
-from symoden.experiments import RunConfig, machine_of, read_model, read_source, summarize, write_run
+from symoden.experiments import (
+    Ranges,
+    RunConfig,
+    learned_machine,
+    machine_of,
+    read_model,
+    read_source,
+    summarize,
+    write_run,
+)
 from symoden.known import KnownParts
 from symoden.models import build, save
 from symoden.spaces import Space
@@ -35,6 +44,11 @@ def knowing_run(folder, task, space, **parts):
 def near_pendulum(tmp_path_factory):
     parts = {"mass_matrix": [["1/3"]], "potential_energy": "5*cos(q1)", "input_matrix": [[1]]}
     return knowing_run(tmp_path_factory.mktemp("pendulum"), "pendulum", "T1", **parts, dissipation_matrix=[[0.1]])
+
+
+@pytest.fixture(scope="module")
+def learned_slide():
+    return build(SMALL, Space.parse("R1"), 1, key=jax.random.key(0))
 
 
 @pytest.fixture(scope="module")
@@ -155,6 +169,7 @@ def test_an_ensemble_stands_in_for_the_machine(arm, tmp_path, capsys):
             "The target must be one finite number for each of the 1 coordinates of T1; got 1.0, 2.0",
         ),
         (["--target", "nan"], "finite number"),
+        (["--target", "180"], "got 180 rad, which is 28.6 turns. If degrees were meant, write 3.1416"),
         (["--env", "model"], "needs `--target`"),
         (["--target", "0", "--env", "symoden/DampedPendulum-v0"], "goes to where it is upright"),
         (["--target", "0", "--video", "a.gif"], "how a learned one looks is not known"),
@@ -164,6 +179,13 @@ def test_an_ensemble_stands_in_for_the_machine(arm, tmp_path, capsys):
 def test_what_no_learned_machine_can_do_is_one_message(arm_run, capsys, words, message):
     assert main(["control", str(arm_run), *words]) == 2
     assert message in capsys.readouterr().err.splitlines()[-1]
+
+
+def test_a_length_far_from_the_data_is_no_target(learned_slide):
+    ranges = Ranges(positions=((-0.56, 0.61),), rates=((-1.0, 1.0),), inputs=((-2.0, 2.0),))
+    with pytest.raises(ValueError, match=r"coordinate 1 got 300, far outside \[-0.56, 0.61\]"):
+        learned_machine(learned_slide, [300.0], ranges)
+    assert learned_machine(learned_slide, [1.5], ranges).max_input == (2.0,)
 
 
 def test_every_task_has_its_machine():

@@ -24,6 +24,7 @@ from symoden.control import (
     Observer,
     Stuck,
     Tell,
+    Tolerance,
     Tracking,
     Verdict,
     audit_energies,
@@ -46,6 +47,7 @@ from ._ranges import Ranges
 LEARNED: Final = "model"
 """What stands for the name of a machine where a controller is tried on learned models."""
 _FINE_STEP: Final = 0.001  # [s]: learned dry friction is stiff.
+_FAR: Final = 10.0  # Of the range of the data.
 _CALLS: Final = 2000
 _LEAST_NOISE: Final = 1e-3
 _WARM: Final = 50
@@ -193,17 +195,37 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
         The machine.
 
     Raises:
-        ValueError: If the target is no configuration, or the model has no inputs.
+        ValueError: If the target is no configuration, lies far outside the data or more than a turn away, or the model
+            has no inputs.
     """
     if len(target) != model.space.size or not np.isfinite(target).all():
         raise ValueError(
             f"The target must be one finite number for each of the {model.space.size} coordinates of {model.space}; "
             f"got {', '.join(map(str, target))}."
         )
+    for i, (angle, value, bounds) in enumerate(zip(model.space.is_angle, target, ranges.positions, strict=True)):
+        _check_target(i + 1, value, None if angle else bounds)
     limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
     if not limits:
         raise ValueError("A controller needs inputs; the model was learned from free motion and has none.")
     return Machine(name=LEARNED, system=model, target=tuple(map(float, target)), max_input=limits)
+
+
+def _check_target(coordinate: int, value: float, bounds: tuple[float, float] | None) -> None:
+    """Refuse where no model can know anything, which is what a mistaken unit asks for; angles have no bounds."""
+    if bounds is None:
+        if abs(value) > 2 * np.pi:
+            raise ValueError(
+                f"The target of an angle must be within a turn; coordinate {coordinate} got {value:g} rad, which is "
+                f"{abs(value) / (2 * np.pi):.3g} turns. If degrees were meant, write {np.radians(value):.5g}."
+            )
+        return
+    low, high = bounds
+    if max(low - value, value - high) > _FAR * max(high - low, Tolerance().position):
+        raise ValueError(
+            f"The target must be near the training data; coordinate {coordinate} got {value:g}, far outside "
+            f"[{low:.4g}, {high:.4g}]. Is it in the unit of the data's description, as a rule m?"
+        )
 
 
 def initial_states(
