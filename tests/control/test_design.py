@@ -118,6 +118,8 @@ def test_the_audit_finds_where_the_desired_energy_rises(swing_up):
     episodes = run_episodes(PENDULUM, swing_up, np.array([[3.0]]), np.zeros((1, 1)), Loop(duration=3.0, period=0.01))
     backwards = eqx.tree_at(lambda c: c.near.gain, swing_up, -swing_up.near.gain)
     assert audit_energy(PENDULUM, backwards, episodes).share < audit_energy(PENDULUM, swing_up, episodes).share
+    turned = audit_energy(PENDULUM, backwards, episodes._replace(q=episodes.q + 6 * np.pi))
+    assert abs(turned.worst_q[0]) <= np.pi
     lost = episodes._replace(q=episodes.q * jnp.nan)
     with pytest.raises(ValueError, match="Nothing to audit"):
         audit_energy(PENDULUM, swing_up, lost)

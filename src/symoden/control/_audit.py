@@ -31,7 +31,7 @@ class LyapunovAudit:
         holds: Whether it is not positive, up to a millionth of the largest |dH_d/dt|.
         share: Share of states at which it holds.
         worst: Largest rate beside the largest magnitude of any; not positive if it always holds.
-        worst_q: Coordinates where the rate is largest.
+        worst_q: Coordinates where the rate is largest, angles in [-π, π).
         worst_v: Velocities there.
         saturated: Of the states at which it fails, the share with an input at its limit; NaN without any.
     """
@@ -88,7 +88,7 @@ def audit_energies(tried: Sequence[tuple[AbstractDynamics, Episode]], controller
         holds=holds,
         share=float(holds.mean()),
         worst=float(rates[at] / largest) if largest else 0.0,
-        worst_q=tuple(q[at].tolist()),
+        worst_q=tuple(controller.space.wrap(jnp.asarray(q[at])).tolist()),
         worst_v=tuple(v[at].tolist()),
         saturated=float(limited[~holds].mean()) if not holds.all() else float("nan"),
     )
