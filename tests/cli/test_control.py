@@ -1,15 +1,18 @@
 """What `symoden control` prints and writes."""
 
 import json
+import subprocess
+import sys
 
 import jax
 import numpy as np
 import pytest
 from PIL import Image
 
-from symoden.cli import main
+from symoden.cli import _checks, main
 from symoden.control import METHODS
 from symoden.experiments import (
+    LEARNED,
     Ranges,
     RunConfig,
     learned_machine,
@@ -119,10 +122,11 @@ def test_ida_pbc_tells_what_remains_unmatched(near_cart_pole, capsys):
         (["--env", "symoden/DampedAcrobot-v0"], "The model has the space T1 and 1 inputs"),
         (["--video", "a.mp4"], "`--video` must end in .gif"),
         (["--figure", "a.gif"], "`--figure` must end in one of"),
-        (["--episodes", "0"], "Episodes must be at least 1"),
-        (["--max-input", "-1"], "largest input must be positive"),
+        (["--episodes", "0"], "`--episodes` must be at least 1"),
+        (["--max-input", "-1"], "`--max-input` must be positive"),
         (["--max-input", "3", "--method", "energy-shaping"], "must exceed the static load"),
-        (["--period", "0"], "must be positive"),
+        (["--period", "0"], "`--period` must be positive"),
+        (["--delay", "-1"], "`--noise` and `--delay` must be at least 0"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
@@ -131,6 +135,17 @@ def test_what_does_not_suit_is_one_message(near_pendulum, capsys, words, message
     error = capsys.readouterr().err.splitlines()[-1]
     assert error.startswith("error: ")
     assert message in error
+
+
+def test_what_no_run_makes_right_is_refused_before_jax_is_imported():
+    words = ["control", "no-such-run", "--episodes", "0"]
+    script = f"import sys; from symoden.cli import main; sys.exit(main({words}) + 7 * ('jax' in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, "`--episodes` must be at least 1" in done.stderr) == (2, True)
+
+
+def test_names_that_are_known_before_jax_are_those_of_the_library():
+    assert (_checks.METHODS, _checks.LEARNED) == (METHODS, LEARNED)
 
 
 def test_a_data_set_needs_a_target_or_a_named_machine(arm_run, capsys):

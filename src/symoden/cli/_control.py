@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 
 from symoden.blocks import without_silent
-from symoden.control import METHODS, Loop, Method
+from symoden.control import Loop, Method
 from symoden.experiments import (
     LEARNED,
     ControlConfig,
@@ -28,7 +28,7 @@ from symoden.storage import write_atomically
 from symoden.systems import Machine
 
 from ._arguments import Control
-from ._figure import check_figure, save_figure
+from ._figure import save_figure
 from ._output import number, print_json, print_table
 from ._words import name_unfinished
 
@@ -37,14 +37,8 @@ def run(command: Control) -> None:
     """Make the controller, try it, and say how it went.
 
     Args:
-        command: What to do.
-
-    Raises:
-        ValueError: If a setting is out of range or does not suit the run.
+        command: What to do, checked by `check_control`.
     """
-    _check_files(command)
-    if command.method is not None and command.method not in METHODS:
-        raise ValueError(f"`--method` must be one of {', '.join(METHODS)}; got {command.method!r}.")
     settings = ControlConfig(
         method=cast("Method | None", command.method),
         max_input=command.max_input or None,
@@ -79,24 +73,9 @@ def _learned(
     command: Control, config: RunConfig, model: AbstractDynamics
 ) -> tuple[Machine, tuple[AbstractDynamics, ...]]:
     """The model in place of its machine, and the others of its ensemble, to be tried on."""
-    if command.env not in (None, LEARNED):
-        raise ValueError(
-            f"`--target` is for the learned model; {command.env} goes to where it is upright. Leave one of them out."
-        )
-    if not command.target:
-        raise ValueError("The learned model needs `--target`: where to go, a number for each coordinate [rad or m].")
     ensemble = read_ensemble(command.run, model, config)
     plants = () if ensemble is None else tuple(map(without_silent, ensemble.models()))
     return learned_machine(without_silent(model), command.target, config.data.ranges), plants
-
-
-def _check_files(command: Control) -> None:
-    """Refuse files of unknown formats before anything takes time."""
-    check_figure(command.figure)
-    if command.video is not None and command.video.suffix.lower() != ".gif":
-        raise ValueError(f"`--video` must end in .gif; got `{command.video}`.")
-    if command.video is not None and (command.target or command.env == LEARNED):
-        raise ValueError("`--video` needs a simulated machine: how a learned one looks is not known. Use `--figure`.")
 
 
 def _tell(text: str) -> None:

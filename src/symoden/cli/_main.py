@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final, Union
 
 import tyro
 
-from ._arguments import COMMANDS, Command, Reproduce, Train
+from ._arguments import COMMANDS, Command, Control, Reproduce, Train
 from ._numbers import number_rules
 
 FAILURE: Final = 1
@@ -43,6 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else WRONG_INPUT
     try:
+        if isinstance(command, Control):
+            importlib.import_module("._checks", __package__).check_control(command)
         _carry_out(command)
         sys.stdout.flush()
     except KeyboardInterrupt:
@@ -111,9 +113,11 @@ def _status(error: Exception) -> int:
 
 def _message(error: Exception) -> str:
     """What to tell the user, in one line."""
-    from symoden.training import TrainingError
-
     text = " ".join(str(error).split())
-    if isinstance(error, ValueError | TrainingError | OSError):
+    if isinstance(error, ValueError | OSError):
+        return text
+    from symoden.training import TrainingError  # And JAX with it.
+
+    if isinstance(error, TrainingError):
         return text
     return f"{type(error).__name__}: {text}. This should not happen; please report it with the output of --debug."

@@ -1,0 +1,52 @@
+"""What can be refused of a command before JAX is imported and anything is read. Nothing here imports JAX."""
+
+import math
+from typing import Final
+
+from ._arguments import Control
+from ._figure import check_figure
+
+METHODS: Final = ("energy-shaping", "ida-pbc", "controlled-lagrangian", "swing-up", "tracking", "lqr")
+"""Names of all methods of control; a test compares them."""
+LEARNED: Final = "model"
+"""Name of the learned machine; a test compares it."""
+
+
+def check_control(command: Control) -> None:
+    """Refuse options of `symoden control` that no run can make right.
+
+    Args:
+        command: What to do.
+
+    Raises:
+        ValueError: If one is out of range, or two contradict each other.
+    """
+    check_figure(command.figure)
+    if command.method is not None and command.method not in METHODS:
+        raise ValueError(f"`--method` must be one of {', '.join(METHODS)}; got {command.method!r}.")
+    if command.episodes < 1 or command.seed < 0:
+        raise ValueError(f"`--episodes` must be at least 1, `--seed` 0; got {command.episodes} and {command.seed}.")
+    if not all(limit > 0 for limit in command.max_input):
+        raise ValueError(f"`--max-input` must be positive; got {', '.join(map(str, command.max_input))}.")
+    if not (0 < command.period <= command.duration < math.inf):
+        raise ValueError(
+            "`--period` must be positive, and `--duration` at least one period; got "
+            f"{command.period} and {command.duration} s."
+        )
+    if not (0 <= command.noise < math.inf and 0 <= command.delay < math.inf):
+        raise ValueError(f"`--noise` and `--delay` must be at least 0; got {command.noise} and {command.delay}.")
+    _check_machine(command)
+
+
+def _check_machine(command: Control) -> None:
+    """Refuse what contradicts the machine."""
+    if command.video is not None and command.video.suffix.lower() != ".gif":
+        raise ValueError(f"`--video` must end in .gif; got `{command.video}`.")
+    if command.video is not None and (command.target or command.env == LEARNED):
+        raise ValueError("`--video` needs a simulated machine: how a learned one looks is not known. Use `--figure`.")
+    if command.target and command.env not in (None, LEARNED):
+        raise ValueError(
+            f"`--target` is for the learned model; {command.env} goes to where it is upright. Leave one of them out."
+        )
+    if command.env == LEARNED and not command.target:
+        raise ValueError("The learned model needs `--target`: where to go, a number for each coordinate [rad or m].")
