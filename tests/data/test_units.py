@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.data import DataError, check_dataset, read_dataset
+from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 from symoden.data._description import read_description
 from symoden.data._units import UNITS, factor_of
 
@@ -203,3 +203,49 @@ def test_what_columns_show_at_zero_is_subtracted_in_their_own_unit(tmp_path):
 def test_zeros_are_numbers_of_columns_that_are_read(tmp_path, zeros, message):
     with pytest.raises(DataError, match=message):
         read_description(with_zeros(tmp_path, "q = 1", zeros))
+
+
+NAMED = """
+space = "R1 T1"
+{units}
+time = "t"
+positions = ["x [mm]", "turn (°)"]
+inputs = ["u [N]"]
+[train]
+files = ["a.csv"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("units", "names", "said"),
+    [
+        ("", ("x [mm]", "turn (°)"), ["mm", "deg"]),
+        ('units = {"x [mm]" = "mm"}', ("x", "turn (°)"), ["deg"]),
+        ('units = {"x [mm]" = 0.001, "turn (°)" = "deg", "u [N]" = 2}', ("x", "turn"), []),
+    ],
+)
+def test_units_in_names_are_asked_for_and_left_out_once_the_numbers_have_others(tmp_path, units, names, said):
+    t = np.linspace(0.0, 4.0, 401)
+    rows = np.stack([t, 100 * np.sin(2 * t), 30 * np.cos(3 * t), np.sin(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,x [mm],turn (°),u [N]", comments="", encoding="utf-8")
+    path = tmp_path / "arm.toml"
+    path.write_text(NAMED.format(units=units), encoding="utf-8")
+    found = [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"]
+    assert [each.text.split(" says ")[1].split(",")[0] for each in found] == said
+    assert all(each.channel in each.advice for each in found)
+    if said:
+        with pytest.warns(DataWarning, match="the name of"):
+            dataset = read_dataset(path)
+    else:
+        dataset = read_dataset(path)
+    assert dataset.position_names == names
+
+
+def test_names_that_are_the_same_without_their_units_keep_them(tmp_path):
+    t = np.linspace(0.0, 4.0, 401)
+    rows = np.stack([t, 100 * np.sin(2 * t), 30 * np.cos(3 * t), np.sin(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,q [mm],q (°),u [N]", comments="", encoding="utf-8")
+    path = tmp_path / "arm.toml"
+    units = 'units = {"q [mm]" = "mm", "q (°)" = "deg"}'
+    path.write_text(NAMED.format(units=units).replace('"x [mm]", "turn (°)"', '"q [mm]", "q (°)"'), encoding="utf-8")
+    assert read_dataset(path).position_names == ("q [mm]", "q (°)")

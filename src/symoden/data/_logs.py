@@ -15,7 +15,7 @@ from ._limits import LARGEST_NUMBER
 from ._parts import read_parts
 from ._readers import Rows, suffix_of
 from ._tables import place
-from ._units import of_column
+from ._units import of_column, split_unit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,7 +145,8 @@ class Log:
             The name.
         """
         unit = self.units[role][column] if role in self.units else ""
-        return f"{self.names[role][column]} [{unit}]" if unit else self.names[role][column]
+        name = self.names[role][column]
+        return f"{split_unit(name)[0]} [{unit}]" if unit else name
 
     def place(self, row: int) -> str:
         """Where a row of the log is in the file.

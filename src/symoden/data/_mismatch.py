@@ -8,7 +8,7 @@ import numpy as np
 from ._facts import Facts
 from ._findings import Finding
 from ._kinematics import AGREES, UNRELATED, Ratio, jumps, velocity_ratio
-from ._units import entry
+from ._units import entry, factor_of, of_column, si_of, split_unit
 
 _SAME = 0.06  # relative deviation up to which a factor is a known one
 _ELSEWHERE = 0.2  # misfit of another coordinate's velocity that is taken for this one's
@@ -47,12 +47,31 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
     """
     if clock := _clock(facts):
         return [clock]
-    found: list[Finding] = []
+    found = _by_name(facts)
+    named = {finding.channel for finding in found}
     for i in range(facts.q.shape[1]):
         ratio = facts.ratios[i] if facts.ratios else None
+        if named & {facts.positions[i].name, *(rate.name for rate in facts.rates[i : i + 1])}:
+            continue
         of_ratio = _of_ratio(facts, i, ratio) if ratio is not None and ratio.known else []
         found.extend(of_ratio or _in_degrees(facts, i) or _jumps(facts, i, stuck))
     return found
+
+
+def _by_name(facts: Facts) -> list[Finding]:
+    """Columns whose names say another unit than they are read in."""
+    units = {channel.name: split_unit(channel.name)[1] for channel in facts.channels}
+    return [
+        Finding(
+            kind="unit",
+            level="warning",
+            channel=name,
+            text=f"the name of `{name}` says {unit}, and it is read as {si_of(unit)}",
+            advice=f"Write {entry({name: unit}, facts.units)}.",
+        )
+        for name, unit in units.items()
+        if unit and factor_of(unit) != 1 and of_column(name, facts.units) is None
+    ]
 
 
 def _clock(facts: Facts) -> Finding | None:

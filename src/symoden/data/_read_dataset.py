@@ -18,6 +18,7 @@ from ._masking import Mask
 from ._recordings import recordings_of
 from ._survey import survey
 from ._trajectory import Trajectory
+from ._units import of_column, split_unit
 
 _SHOWN = 3  # recordings that a warning names
 
@@ -98,9 +99,15 @@ def assemble(
         hold=description.hold,
         input_matrix=None if description.input_matrix is None else np.array(description.input_matrix),
         known=description.known,
-        position_names=logs[0].names["positions"],
-        input_names=logs[0].names["inputs"],
+        position_names=_plain(logs[0].names["positions"], description.units),
+        input_names=_plain(logs[0].names["inputs"], description.units),
     )
+
+
+def _plain(names: Sequence[str], units: Mapping[str, float]) -> tuple[str, ...]:
+    """Names of columns without the units that their numbers no longer have, where they can be told apart without."""
+    plain = tuple(name if of_column(name, units) is None else split_unit(name)[0] for name in names)
+    return plain if len(set(plain)) == len(plain) else tuple(names)
 
 
 def _warn_of_clocks(path: Path, logs: Sequence[Log]) -> None:

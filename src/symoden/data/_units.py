@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Final, TypeVar
@@ -27,6 +28,8 @@ _BY_SI: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
 UNITS: Final[Mapping[str, float]] = MappingProxyType(
     {unit: factor for units in _BY_SI.values() for unit, factor in units.items()}
 )
+
+_BRACKETS: Final = re.compile(r"\s*(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]+)\]|\((?P<round>[^()]+)\))\s*")
 
 
 def factor_of(unit: object) -> float:
@@ -72,6 +75,25 @@ def si_of(unit: object) -> str | None:
     if not isinstance(unit, str):
         return None
     return next(si for si, units in _BY_SI.items() if _plain(unit) in units)
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Take the unit off a column's name that has one in brackets, as headers of tables do.
+
+    Args:
+        name: Name of a column.
+
+    Returns:
+        The name without it, and the unit as `factor_of` takes it; the name as it is and nothing where it has none.
+
+    Example:
+        >>> split_unit("pos [mm]"), split_unit("theta(°)"), split_unit("q[0]")
+        (('pos', 'mm'), ('theta', 'deg'), ('q[0]', ''))
+    """
+    found = _BRACKETS.fullmatch(name)
+    if found is None or (unit := _plain(found["square"] or found["round"])) not in UNITS:
+        return name, ""
+    return found["name"], unit
 
 
 def units_of(si: Iterable[str]) -> list[str]:
