@@ -203,6 +203,15 @@ def test_a_length_far_from_the_data_is_no_target(learned_slide):
     assert learned_machine(learned_slide, [1.5], ranges).max_input == (2.0,)
 
 
+def test_an_angle_may_be_as_many_turns_away_as_the_data_are():
+    model = build(SMALL, Space.parse("T1"), 1, key=jax.random.key(0))
+    ranges = Ranges(positions=((20.0, 26.0),), rates=((-1.0, 1.0),), inputs=((-2.0, 2.0),))
+    for target in (23.0, 31.0, 3.0):
+        assert learned_machine(model, [target], ranges).target == (target,)
+    with pytest.raises(ValueError, match=r"within a turn of zero or of the training data; coordinate 1 got 180 rad"):
+        learned_machine(model, [180.0], ranges)
+
+
 def test_every_task_has_its_machine():
     for task, inputs in (("pendulum", 1), ("cartpole", 1), ("acrobot", 1), ("cartpole-full", 2), ("acrobot-full", 2)):
         machine = machine_of(task, None)

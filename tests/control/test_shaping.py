@@ -91,6 +91,28 @@ def test_what_friction_holds_beside_the_target_is_told_in_inputs():
     assert not find_stuck(naive, episodes, np.array([0.3])).held.any()
 
 
+def test_what_creeps_on_against_viscous_friction_is_not_held():
+    plant = slide(0.0, damping=2000.0)
+    _, episodes, verdict = go(plant)
+    assert not verdict.success.all()
+    assert not find_stuck(plant, episodes, np.array([0.3])).held.any()
+
+
+@pytest.mark.parametrize("coupling", [0.0, 0.5, 0.9, 0.97])
+def test_damping_that_is_held_for_a_period_does_not_push_whatever_couples_the_coordinates(coupling):
+    parts = KnownParts(
+        mass_matrix=[[1, coupling], [coupling, 1]],
+        potential_energy="0*q1",
+        input_matrix=[[1, 0], [0, 1]],
+        dissipation_matrix=[["120/sqrt(v1**2 + 1e-4)", 0], [0, 0.1]],
+    )
+    plant = build(ModelConfig(), Space.parse("R2"), 2, known=parts, key=jax.random.key(0))
+    assert isinstance(plant, AbstractPortHamiltonian)
+    controller = EnergyShaping.of(plant, [0.0, 0.0], limits=200.0, period=0.005)
+    rates = np.linalg.eigvals(np.linalg.solve(plant.mass_matrix(jnp.zeros(2)), controller.damping))
+    assert 0.2 < 0.005 * rates.real.max() <= 0.5 + 1e-6
+
+
 @pytest.mark.parametrize("name", FULL)
 def test_where_the_potential_energy_asks_for_more_neither_limits_nor_friction_change_gains(name):
     system, target, limit = FULL[name]

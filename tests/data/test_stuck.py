@@ -91,3 +91,27 @@ def test_a_machine_that_a_stop_has_caught_is_not_stuck_whatever_its_velocity_sho
     assert ("stuck", "masked") not in {
         (one.kind, one.level) for one in found(written(tmp_path_factory.mktemp("c"), rows))
     }
+
+
+def masked(folder, rows):
+    return [one for one in found(written(folder, rows)) if (one.kind, one.level) == ("stuck", "masked")]
+
+
+@pytest.mark.parametrize("shown", ["held", "late"])
+def test_a_machine_at_its_stops_is_not_stuck_though_its_velocity_is_held_or_late(tmp_path, shown):
+    t = STEP * np.arange(3000)
+    way = 1.3 * np.sin(0.6 * t)
+    q, v = np.clip(way, -1, 1), np.where(np.abs(way) < 1, 0.78 * np.cos(0.6 * t), 0.0)
+    if shown == "late":
+        v = np.concatenate([np.full(40, v[0]), v[:-40]])
+    else:
+        moving = np.maximum.accumulate(np.where(np.abs(way) < 1, np.arange(len(t)), 0))
+        v = 0.78 * np.cos(0.6 * t)[moving]
+    assert masked(tmp_path, np.stack([t, np.round(q, 5), v, np.sin(3 * t)], axis=1)) == []
+
+
+def test_a_position_that_is_logged_more_slowly_than_the_table_is_no_stuck_sensor(tmp_path):
+    rows = turning(3000)
+    rows[:, 1] = rows[40 * (np.arange(3000) // 40), 1]
+    assert masked(tmp_path, rows) == []
+    assert any(one.kind == "stuck" for one in found(written(tmp_path, rows)))

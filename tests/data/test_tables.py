@@ -62,9 +62,10 @@ def test_decimal_commas_are_read_to_the_last_bit(tmp_path, separator, values):
     [
         ("Zeit;Winkel, rad;Bemerkung\ns;rad;\n0,000;-1,5;Start, links\n1; ,25e1 ;\n2;NaN;\n", ("Zeit", "Winkel, rad")),
         ("0,000;-1,5;2,0;3,1\n1;+2,5;0;0\n2;;0;0\n", ("1", "2")),
+        ("Zeit, s;Winkel, rad;Status\n0,0;-1,5;OK\n1,0;2,5;OK\n2,0;NaN;OK\n", ("Zeit, s", "Winkel, rad")),
         ("# Zeit\tWinkel\n0,0\t-1,5\n1,0\t2,5\n2,0\tNaN\n", ("Zeit", "Winkel")),
     ],
-    ids=["names, units and remarks", "no names", "tabs"],
+    ids=["names, units and remarks", "no names", "commas in names", "tabs"],
 )
 def test_decimal_commas_are_read_where_no_commas_separate_columns(tmp_path, text, names):
     path = written(tmp_path / "run.csv", text)

@@ -216,6 +216,16 @@ files = ["a.csv"]
 """
 
 
+def test_units_in_names_that_no_entry_of_units_could_have_are_left_alone(tmp_path):
+    t = np.linspace(0.0, 4.0, 401)
+    rows = np.stack([t, np.sin(2 * t), np.cos(3 * t), np.sin(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,x [deg],turn (mm),u [us]", comments="")
+    path = tmp_path / "arm.toml"
+    text = NAMED.format(units="").replace("x [mm]", "x [deg]").replace("turn (°)", "turn (mm)").replace("[N]", "[us]")
+    path.write_text(text, encoding="utf-8")
+    assert [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"] == []
+
+
 @pytest.mark.parametrize(
     ("units", "names", "said"),
     [

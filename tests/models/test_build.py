@@ -13,6 +13,7 @@ from symoden.blocks import (
     ACTUATION,
     INERTIA,
     NETWORKS,
+    AbstractBlock,
     Constant,
     Correction,
     GramBlock,
@@ -153,6 +154,25 @@ def test_the_same_key_gives_the_same_weights_and_any_number_of_inputs_fits(kind)
         assert eqx.tree_equal(model, made(config, inputs=inputs))
         state = model.encode(jnp.ones(2), jnp.ones(2))
         assert np.isfinite(model.derivative(jnp.zeros(()), state, jnp.ones(inputs))).all()
+
+
+class Perceptron(AbstractBlock):
+    """A block of somebody's own, with a function among its leaves."""
+
+    layers: eqx.nn.MLP
+
+    def __call__(self, q):
+        return self.layers(jnp.concatenate([jnp.cos(q), jnp.sin(q)]))
+
+
+def test_blocks_may_have_leaves_that_are_no_arrays():
+    layers = eqx.nn.MLP(2, "scalar", 4, 1, activation=jax.nn.softplus, key=jax.random.key(1), dtype=float)
+    plain = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
+    model = eqx.tree_at(lambda one: one.potential, plain, Perceptron(layers))
+    q, p = jnp.array([0.3]), jnp.array([0.5])
+    assert model.potential_energy(q) == pytest.approx(float(model.potential(q)), rel=1e-12)
+    slope = jax.grad(model.potential)(q)
+    np.testing.assert_allclose(model.vector_field(q, 0 * p, jnp.zeros(1))[1], -slope, rtol=1e-9)
 
 
 def test_a_known_input_matrix_is_kept_and_not_trained():

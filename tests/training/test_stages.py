@@ -97,9 +97,10 @@ def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_f
     started = last.start(state)
     after, report = last.advance(started)
     assert report.finished
-    size = "a tenth or less" if errors < 0 else "tenfold or more"
-    size = size if math.isinf(errors) else f"{-errors:+.1f} standard errors"
-    assert told(report.verdict) == ("" if margin is None else f"{kept} {size}, more than {margin:+.0f} wanted")
+    size = f"{-errors:+.1f} standard errors, more than {margin or 0:+.0f} wanted"
+    if math.isinf(errors):
+        size = "a tenth or less" if errors < 0 else "tenfold or more"
+    assert told(report.verdict) == ("" if margin is None else f"{kept} {size}")
     first, best = (jax.tree.leaves(each) for each in (started.best, after.best))
     assert kept == any(np.any(np.asarray(x) != np.asarray(y)) for x, y in zip(first, best, strict=True))
     assert after.best_loss == pytest.approx(report.validation if kept else started.best_loss)

@@ -44,7 +44,8 @@ class KnownFunction(AbstractBlock):
     """A given function of the configuration.
 
     Attributes:
-        function: Maps q to the value in physical units. It is code, hence not saved with a model.
+        function: Maps q to the value in physical units, by JAX's functions and depending on nothing else. It is code,
+            hence not saved with a model.
     """
 
     function: Callable[[Coordinates], Float[Array, "..."]] = eqx.field(static=True)

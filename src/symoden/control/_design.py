@@ -40,7 +40,7 @@ _PERIOD: Final = 0.01
 _CYCLIC: Final = 0.02
 _NEWTON: Final = 5
 _FLAT: Final = 1e-2  # Curvature, relative to the largest.
-_FLAT_WORK: Final = 1e-3  # Of V, relative to what the inputs do along 1 rad or 1 m.
+_FLAT_WORK: Final = 1e-3  # Range of V, relative to what the inputs do along 1 rad.
 
 
 def silent(text: str) -> None:
@@ -175,9 +175,9 @@ def _swing_up(
 
 def _check_height(model: AbstractPortHamiltonian, target: Coordinates, limits: Limits) -> None:
     """Refuse a potential energy that is as good as flat along all angles: there is nothing to swing up."""
-    height = energy_range(model, target)
-    work = float((np.abs(np.asarray(model.input_matrix(target))) @ input_limits(limits, model.inputs)).max())
-    if height < _FLAT_WORK * work:
+    angles = np.array(model.space.is_angle)
+    torques = np.abs(np.asarray(model.input_matrix(target)))[angles] @ input_limits(limits, model.inputs)
+    if energy_range(model, target) <= _FLAT_WORK * torques.max(initial=0.0):
         raise ValueError(
             f"Swing-up needs angles that weight pulls down; along those of {model.space} the potential energy is flat. "
             "Use energy-shaping, or lqr where an input is missing."

@@ -7,7 +7,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
@@ -81,17 +80,17 @@ class EnergyShaping(AbstractController):
         limits: Limits = None,
         period: float | None = None,
     ) -> "EnergyShaping":
-        """Choose gains from the inertia at the target: K_p = ω² diag M, damping 2 ζ √ω M √ω, an ω for each coordinate.
+        """Choose gains from the inertia at the target: K_p = ω² diag M, damping 2 ζ ω M.
 
         Without `frequency`, ω is the fastest rate of the potential energy there; or, where that is slow beside what the
         inputs can do, the one for which 1 rad or 1 m takes a quarter of what the limits leave; and at least such that
-        at the edge of the tolerance V_d overcomes the coordinate's friction at the tolerance's speed (`Tolerance`):
+        at the edge of the tolerance V_d overcomes each coordinate's friction at the tolerance's speed (`Tolerance`):
         dry friction would hold it farther away.
 
         Args:
             model: System or learned model with as many inputs as coordinates.
             target: Configuration to go to.
-            frequency: ω [rad/s], of all coordinates.
+            frequency: ω [rad/s].
             damping_ratio: ζ.
             compensation: κ, the share of the friction to make up for, from 0 to 1.
             limits: Largest magnitude of the inputs; None for none.
@@ -124,17 +123,15 @@ class EnergyShaping(AbstractController):
         inverses = np.linalg.inv(np.asarray(jax.vmap(model.input_matrix)(configurations(model, goal))))
         if frequency is None:
             accelerations = room / (np.abs(inverses) * np.diag(M)).max(axis=(0, 2))
-            omega = _rates(model, goal, float(accelerations.min()), period)
-        else:
-            omega = np.full(n, frequency)
-        stiffness = omega**2 * np.diag(M)
+            frequency = _rate(model, goal, float(accelerations.min()), period)
+        stiffness = frequency**2 * np.diag(M)
         steepness = np.sqrt(np.einsum("kij,j,kij->ki", inverses, stiffness, inverses).max(axis=0))
         delta = np.min(_SHARE * room / steepness)
         return cls(
             model=model,
             target=goal,
             stiffness=as_array(stiffness),
-            damping=as_array(inverse @ (2 * damping_ratio * np.sqrt(np.outer(omega, omega)) * M) @ inverse.T),
+            damping=as_array(2 * damping_ratio * frequency * inverse @ M @ inverse.T),
             curving=as_array(0.0 if math.isinf(delta) else delta**-2),
             compensation=as_array(compensation),
             limits=as_array(bounds),
@@ -182,16 +179,14 @@ class EnergyShaping(AbstractController):
         return 1 / jnp.sqrt(1 + self.curving * (e @ (self.stiffness * e)))
 
 
-def _rates(
-    model: AbstractPortHamiltonian, goal: Coordinates, acceleration: float, period: float | None
-) -> Float[np.ndarray, " n"]:
-    """ω of each coordinate: the fastest that V, the acceleration which limits leave, and friction ask for."""
+def _rate(model: AbstractPortHamiltonian, goal: Coordinates, acceleration: float, period: float | None) -> float:
+    """ω: the fastest rate that V, the acceleration which limits leave, or a coordinate's friction asks for."""
     there = Tolerance()
     friction = np.asarray(eqx.filter_jit(slow_friction)(model, goal, as_array(there.velocity)))
-    asked = np.sqrt(friction / there.position / np.diag(np.asarray(model.mass_matrix(goal))))
+    asked = float(np.sqrt(friction / there.position / np.diag(np.asarray(model.mass_matrix(goal)))).max())
     if math.isfinite(acceleration):
-        asked = np.maximum(asked, math.sqrt(_BRISK * acceleration))
-    return np.maximum(bandwidth(model, goal), np.minimum(asked, math.inf if period is None else _SAMPLED / period))
+        asked = max(asked, math.sqrt(_BRISK * acceleration))
+    return max(bandwidth(model, goal), asked if period is None else min(asked, _SAMPLED / period))
 
 
 def fitting(u: Inputs, extra: Inputs, limits: Inputs) -> Inputs:

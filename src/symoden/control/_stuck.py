@@ -18,6 +18,7 @@ from ._motion import gradient
 from ._scales import slow_friction
 
 _PUSH = 0.01  # of friction; with less nothing is held, for nothing pushes.
+_SLOWER, _DRY = 0.1, 0.5  # At a tenth of the speed dry friction is more than half as large; viscous friction is not.
 
 
 class Stuck(NamedTuple):
@@ -51,23 +52,27 @@ def find_stuck(plant: AbstractDynamics, episodes: Episode, target: Float[np.ndar
         nothing = np.zeros(len(episodes.q))
         return Stuck(held=nothing > 0, distance=nothing, push=nothing, friction=nothing)
     there, verdict = Tolerance(), judge(episodes, plant.space, target)
-    distance, push, friction = map(np.asarray, _forces(plant, episodes.q[:, -1], episodes.u[:, -1], as_array(target)))
+    ends = episodes.q[:, -1], episodes.u[:, -1]
+    distance, push, friction, slower = map(np.asarray, _forces(plant, *ends, as_array(target)))
     still = ~verdict.success & (verdict.velocity_error <= there.velocity)
     held = still & (distance > there.position) & (push > _PUSH * friction) & (push <= friction)
+    held &= slower > _DRY * friction
     return Stuck(held=held, distance=distance, push=push, friction=friction)
 
 
 @eqx.filter_jit
 def _forces(
     plant: AbstractPortHamiltonian, q: Float[Array, "k n"], u: Float[Array, "k m"], target: Coordinates
-) -> tuple[Float[Array, " k"], Float[Array, " k"], Float[Array, " k"]]:
-    """Distance, push towards the target and friction of the farthest coordinate, in inputs, at many configurations."""
+) -> tuple[Float[Array, " k"], ...]:
+    """Of the farthest coordinate, in inputs: distance, push towards the target, friction, and friction when slower."""
 
-    def one(q: Coordinates, u: Inputs) -> tuple[Array, Array, Array]:
+    def one(q: Coordinates, u: Inputs) -> tuple[Array, ...]:
         e, g = plant.space.difference(q, target), plant.input_matrix(q)
         i = jnp.argmax(jnp.abs(e))
         unit = jnp.abs(g[i]).max()
         push = -jnp.sign(e[i]) * (g @ u - gradient(plant, q))[i]
-        return jnp.abs(e[i]), push / unit, slow_friction(plant, q, as_array(Tolerance().velocity))[i] / unit
+        speed = as_array(Tolerance().velocity)
+        friction, slower = (slow_friction(plant, q, share * speed)[i] for share in (1.0, _SLOWER))
+        return jnp.abs(e[i]), push / unit, friction / unit, slower / unit
 
     return jax.vmap(one)(q, u)

@@ -8,7 +8,7 @@ import numpy as np
 from ._facts import Facts
 from ._findings import Finding
 from ._kinematics import AGREES, UNRELATED, Ratio, jumps, velocity_ratio
-from ._units import entry, factor_of, of_column, si_of, split_unit
+from ._units import entry, of_column, si_of, split_unit
 
 _SAME = 0.06  # relative deviation up to which a factor is a known one
 _ELSEWHERE = 0.2  # misfit of another coordinate's velocity that is taken for this one's
@@ -59,18 +59,20 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
 
 
 def _by_name(facts: Facts) -> list[Finding]:
-    """Columns whose names say another unit than they are read in."""
-    units = {channel.name: split_unit(channel.name)[1] for channel in facts.channels}
+    """Positions and velocities whose names say another unit than they are read in."""
+    joints = ["rad" if angle else "m" for angle in facts.is_angle]
+    kinds = zip(facts.positions + facts.rates, joints + [f"{unit}/s" for unit in joints], strict=False)
+    units = {channel.name: (split_unit(channel.name)[1], si) for channel, si in kinds}
     return [
         Finding(
             kind="unit",
             level="warning",
             channel=name,
-            text=f"the name of `{name}` says {unit}, and it is read as {si_of(unit)}",
+            text=f"the name of `{name}` says {unit}, and it is read as {si}",
             advice=f"Write {entry({name: unit}, facts.units)}.",
         )
-        for name, unit in units.items()
-        if unit and factor_of(unit) != 1 and of_column(name, facts.units) is None
+        for name, (unit, si) in units.items()
+        if unit and si_of(unit) == si != unit and of_column(name, facts.units) is None
     ]
 
 

@@ -20,6 +20,8 @@ _SHARE, _SHARE_OTHER, _SHARE_INPUT = 0.03, 0.3, 0.7  # of a channel's range
 _LEAST_FROZEN: Final = 0.3  # [s] that a position must stand still for its rows to be left out,
 _SETTLES: Final = 0.15  # and the part of it in which a velocity that is filtered may still come to rest.
 _FAST: Final = 0.5  # of the usual speed; what is slower may be a bias
+_MOST_FROZEN: Final = 1 / 3  # of the rows, in more than a few stretches: a position logged more slowly than the table
+_FEW: Final = 3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,8 +49,9 @@ def find_stuck_rows(facts: Facts) -> tuple[StuckRows, ...]:
     """Find positions that stand still for long while their velocities show a motion that is no bias, lag or noise.
 
     Beside what `find_stuck` asks for, ∫v dt must go on once a filtered velocity has had time to come to rest, by many
-    times the position's resolution, and somewhere at a speed that is not small in this log. So a machine that friction
-    holds or a stop has caught is not meant, whatever its velocity's sensor shows at rest.
+    times the position's resolution, and somewhere at a speed that is not small in this log; still so in the latter half
+    of the standstill, with a velocity that changes. So a machine that friction holds or a stop has caught is not meant,
+    though its velocity be biased, noisy, late or held; nor a position that is logged more slowly than the table.
 
     Args:
         facts: Facts of a log.
@@ -62,6 +65,8 @@ def find_stuck_rows(facts: Facts) -> tuple[StuckRows, ...]:
         if stretches := [each for each in stretches if _is_certain(facts, i, *each)]:
             spans = tuple((float(facts.ts[start]), float(facts.ts[end])) for start, end in stretches)
             rows = np.concatenate([facts.rows[start : end + 1] for start, end in stretches])
+            if len(stretches) > _FEW and len(rows) > _MOST_FROZEN * len(facts.rows):
+                continue
             found.append(StuckRows(channel=position.name, velocity=facts.rates[i].name, rows=rows, spans=spans))
     return tuple(found)
 
@@ -73,8 +78,9 @@ def _is_certain(facts: Facts, i: int, start: int, end: int) -> bool:
     position, q = facts.positions[i], facts.q[:, i]
     way = facts.ratios[i].factor * displacement(facts.ts, facts.v[:, i], longest=facts.longest)
     settled = np.arange(np.searchsorted(facts.ts, facts.ts[start] + _SETTLES), end + 1)
+    settled = settled[len(settled) // 2 :]
     resolution = max(position.quantum, least_change(q))
-    if np.ptp(way[settled]) <= _allowed(position, resolution):
+    if np.ptp(way[settled]) <= _allowed(position, resolution) or not np.ptp(facts.v[settled, i]):
         return False
     pairs = blocks(facts.ts, longest=facts.longest)
     usual = _speeds(facts.ts, way, pairs[q[pairs[:, 0]] != q[pairs[:, 1]]])

@@ -280,6 +280,8 @@ def _separator(line: str, after: str) -> str:
     for found in ";\t":  # Beside decimal commas there may be less of them.
         if any(found in text and _is_row(_cells(text, found)) for text in (line, after)):
             return found
+        if 0 < line.count(found) == after.count(found):
+            return found
     found, words = max(",;\t", key=line.count), line.split()
     agree = len(words) > 1 and (len(words) == len(after.split()) or _is_row(words))
     return " " if agree and not line.count(found) else found

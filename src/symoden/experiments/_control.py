@@ -204,27 +204,27 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
             f"got {', '.join(map(str, target))}."
         )
     for i, (angle, value, bounds) in enumerate(zip(model.space.is_angle, target, ranges.positions, strict=True)):
-        _check_target(i + 1, value, None if angle else bounds)
+        _check_target(i + 1, value, bounds, angle=angle)
     limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
     if not limits:
         raise ValueError("A controller needs inputs; the model was learned from free motion and has none.")
     return Machine(name=LEARNED, system=model, target=tuple(map(float, target)), max_input=limits)
 
 
-def _check_target(coordinate: int, value: float, bounds: tuple[float, float] | None) -> None:
-    """Refuse where no model can know anything, which is what a mistaken unit asks for; angles have no bounds."""
-    if bounds is None:
-        if abs(value) > 2 * np.pi:
-            raise ValueError(
-                f"The target of an angle must be within a turn; coordinate {coordinate} got {value:g} rad, which is "
-                f"{abs(value) / (2 * np.pi):.3g} turns. If degrees were meant, write {np.radians(value):.5g}."
-            )
-        return
+def _check_target(coordinate: int, value: float, bounds: tuple[float, float], *, angle: bool) -> None:
+    """Refuse where no model can know anything, which is what a mistaken unit asks for."""
     low, high = bounds
-    if max(low - value, value - high) > _FAR * max(high - low, Tolerance().position):
+    away = max(low - value, value - high)
+    if angle and min(abs(value), away) > 2 * np.pi:
+        raise ValueError(
+            f"The target of an angle must be within a turn of zero or of the training data; coordinate {coordinate} "
+            f"got {value:g} rad, which is {abs(value) / (2 * np.pi):.3g} turns. If degrees were meant, write "
+            f"{np.radians(value):.5g}."
+        )
+    if not angle and away > _FAR * max(high - low, Tolerance().position):
         raise ValueError(
             f"The target must be near the training data; coordinate {coordinate} got {value:g}, far outside "
-            f"[{low:.4g}, {high:.4g}]. Is it in the unit of the data's description, as a rule m?"
+            f"[{low:.4g}, {high:.4g}]. Give it in the unit that `units` brings the data to, as a rule m."
         )
 
 

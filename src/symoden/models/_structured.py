@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import TypeVar, cast, final
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
 from symoden.blocks import AbstractBlock, AbstractFriction, InverseBlock, Parameters, with_parameters
@@ -19,7 +18,7 @@ def _traced_once(method: _Method) -> _Method:
     """The method as a program of its own, which JAX traces and differentiates once for all that compute with it."""
     # Tracing is half of the time that programs take until they run (`benchmarks/`), and a vector field asks for M⁻¹
     # several times. Outside of programs it is one call instead of hundreds.
-    return cast("_Method", jax.jit(method))
+    return cast("_Method", eqx.filter_jit(method))
 
 
 @final
