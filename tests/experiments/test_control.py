@@ -53,9 +53,8 @@ def test_an_input_that_did_nothing_needs_a_limit():
 
 
 def test_each_input_may_have_a_limit_of_its_own():
-    machine = learned_machine(
-        FULL_ACROBOT, [np.pi, 0.0], Ranges(positions=(), rates=(), inputs=((-1.0, 1.0), (-2.0, 2.0)))
-    )
+    ranges = Ranges(positions=((-4.0, 4.0),) * 2, rates=((-1.0, 1.0),) * 2, inputs=((-1.0, 1.0), (-2.0, 2.0)))
+    machine = learned_machine(FULL_ACROBOT, [np.pi, 0.0], ranges)
     config = dataclasses.replace(CONFIG, method="energy-shaping", max_input=(40.0, 30.0), episodes=1)
     assert try_control(FULL_ACROBOT, machine, config).limits == (40.0, 30.0)
     with pytest.raises(ValueError, match="one number for all 2 inputs or one for each"):
