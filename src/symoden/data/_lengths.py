@@ -6,7 +6,7 @@ from symoden.wording import first_few
 
 from ._dataset import Dataset
 from ._errors import DataError
-from ._findings import Finding
+from ._findings import Finding, refusal
 from ._masking import LEAST_SAMPLES
 from ._split import split_validation
 
@@ -31,7 +31,7 @@ def find_short(dataset: Dataset) -> list[Finding]:
     try:
         split_validation(dataset, _SHARE, min_samples=_HELD_OUT)
     except DataError as error:
-        return [Finding(kind="refused", level="refused", channel="", text=str(error), advice="")]
+        return [refusal(error)]
     longest = max(map(len, dataset.train))
     short = [each for each in dataset.train if len(each) < min(LEAST_SAMPLES, longest / 2)]
     if not short:

@@ -57,20 +57,17 @@ class Mask:
         """
         what = []
         if self.missing:
-            what.append(f"{self.missing} row{'s' if self.missing > 1 else ''} without all numbers")
+            what.append(f"{_rows(self.missing)} without all numbers")
         if impossible := len(rows_of(self.impossible)):
             columns = ", ".join(f"`{each.channel}` (first at {each.place})" for each in self.impossible)
-            rows = f"{impossible} row{'s' if impossible > 1 else ''}"
-            what.append(f"{rows} with a number beyond {LARGEST_NUMBER:g} in {columns}")
+            what.append(f"{_rows(impossible)} with a number beyond {LARGEST_NUMBER:g} in {columns}")
         if spikes := len(rows_of(self.spikes)):
-            what.append(f"{spikes} row{'s' if spikes > 1 else ''} with samples that stand out alone")
+            what.append(f"{_rows(spikes)} with samples that stand out alone")
         for spot, rows in self.blind:
             start, end = spot.interval
-            which = f"{len(rows)} row{'s' if len(rows) > 1 else ''}"
-            what.append(f"{which} in which `{spot.channel}` is between {start:.4g} and {end:.4g}")
+            what.append(f"{_rows(len(rows))} in which `{spot.channel}` is between {start:.4g} and {end:.4g}")
         for each in self.stuck:
-            which = f"{len(each.rows)} row{'s' if len(each.rows) > 1 else ''}"
-            what.append(f"{which} in which {each.describe()}")
+            what.append(f"{_rows(len(each.rows))} in which {each.describe()}")
         if self.gaps:
             start, end = max(self.gaps, key=lambda gap: gap[1] - gap[0])
             count = f"{len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''} in time"
@@ -78,6 +75,11 @@ class Mask:
             into = f"`{name}#1` to `{name}#{len(self.pieces)}`" if len(self.pieces) > 1 else "one piece"
             what.append(f"kept as {into}" + (f", {sum(self.dropped)} samples too short" if self.dropped else ""))
         return ", ".join(what)
+
+
+def _rows(count: int) -> str:
+    """So many rows, in words."""
+    return f"{count} row{'s' if count > 1 else ''}"
 
 
 def mask(

@@ -64,7 +64,7 @@ class Data(NamedTuple):
         return None if self.validation is None else evaluate_loss(model, objective, self.validation)
 
     def gain(
-        self, model: AbstractDynamics, before: AbstractDynamics, objective: AbstractObjective
+        self, model: AbstractDynamics, loss: float, before: AbstractDynamics, objective: AbstractObjective
     ) -> tuple[float, str]:
         """By how many standard errors the validation loss of a model is below that of the one before; and in words.
 
@@ -74,11 +74,11 @@ class Data(NamedTuple):
             Standard errors as `compare` counts them, of the opposite sign; both losses and these.
         """
         gain = -self.compare(model, before, objective)
-        loss, others = (evaluate_loss(each, objective, self.judged) for each in (model, before))
         size = f"{round(gain, 1) + 0.0:+.1f} standard errors"
         if math.isinf(gain):
             size = "a tenth or less" if gain > 0 else "tenfold or more"
-        return gain, f"validation loss {loss:.2g}, before {others:.2g}: {size}"
+        other = evaluate_loss(before, objective, self.judged)
+        return gain, f"validation loss {loss:.2g}, before {other:.2g}: {size}"
 
     def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: AbstractObjective) -> float:
         """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.

@@ -326,7 +326,7 @@ class LevenbergStage(AbstractStage):
         if self.margin is None or self.data.validation is None:
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
-        gain, why = self.data.gain(state.best, state.incumbent.model, objective)
+        gain, why = self.data.gain(state.best, state.best_loss, state.incumbent.model, objective)
         why = why if math.isinf(gain) else f"{why}, more than {self.margin:+.0f} wanted"
         if gain > self.margin:
             return state, f"kept ({why})"
