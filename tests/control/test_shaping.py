@@ -104,11 +104,11 @@ def test_damping_that_is_held_for_a_period_does_not_push_whatever_couples_the_co
         mass_matrix=[[1, coupling], [coupling, 1]],
         potential_energy="0*q1",
         input_matrix=[[1, 0], [0, 1]],
-        dissipation_matrix=[["120/sqrt(v1**2 + 1e-4)", 0], [0, 0.1]],
+        dissipation_matrix=[["500/sqrt(v1**2 + 1e-4)", 0], [0, 0.1]],
     )
     plant = build(ModelConfig(), Space.parse("R2"), 2, known=parts, key=jax.random.key(0))
     assert isinstance(plant, AbstractPortHamiltonian)
-    controller = EnergyShaping.of(plant, [0.0, 0.0], limits=200.0, period=0.005)
+    controller = EnergyShaping.of(plant, [0.0, 0.0], limits=1000.0, period=0.005)
     rates = np.linalg.eigvals(np.linalg.solve(plant.mass_matrix(jnp.zeros(2)), controller.damping))
     assert 0.2 < 0.005 * rates.real.max() <= 0.5 + 1e-6
 

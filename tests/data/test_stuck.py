@@ -100,13 +100,14 @@ def masked(folder, rows):
 @pytest.mark.parametrize("shown", ["held", "late"])
 def test_a_machine_at_its_stops_is_not_stuck_though_its_velocity_is_held_or_late(tmp_path, shown):
     t = STEP * np.arange(3000)
-    way = 1.3 * np.sin(0.6 * t)
-    q, v = np.clip(way, -1, 1), np.where(np.abs(way) < 1, 0.78 * np.cos(0.6 * t), 0.0)
-    if shown == "late":
-        v = np.concatenate([np.full(40, v[0]), v[:-40]])
+    if shown == "late":  # By 0.6 s, beside stops at which it rests for 1 s.
+        q = np.clip(1.05 * np.sin(0.6 * t), -1, 1)
+        v = np.where(np.abs(q) < 1, 0.63 * np.cos(0.6 * t), 0.0)
+        v = np.concatenate([np.full(60, v[0]), v[:-60]])
     else:
-        moving = np.maximum.accumulate(np.where(np.abs(way) < 1, np.arange(len(t)), 0))
-        v = 0.78 * np.cos(0.6 * t)[moving]
+        q = np.minimum(np.sin(1.7 * t) + 0.3 * np.sin(0.9 * t), 0.8)
+        last = np.maximum.accumulate(np.where(q < 0.8, np.arange(len(t)), 0))
+        v = (1.7 * np.cos(1.7 * t) + 0.27 * np.cos(0.9 * t))[last]
     assert masked(tmp_path, np.stack([t, np.round(q, 5), v, np.sin(3 * t)], axis=1)) == []
 
 
