@@ -77,11 +77,12 @@ def _errors(score: TaskScore, task: Task, kind: str) -> TableText:
 
 def _recordings(recordings: Sequence[RecordingScore], space: Space, names: Sequence[str]) -> TableText:
     """Errors of every recording; of a few coordinates also each one's."""
-    units = "[rad], of lengths [m] where the data say so" if len(space.lengths) else "[rad]"
+    angles, lengths = len(space.lengths) < space.size, len(space.lengths) > 0
+    units = ", ".join(["rad"] * angles + ["lengths in m, or as they were logged without `units`"] * lengths)
     each = [f"1 s, {name}" for name in names] if 1 < len(names) <= _FEW else []
     return TableText(
-        f"position RMSE {units}: over windows of 1 s, beside how far positions move in these, and of one rollout over "
-        "the whole recording" + ("; of each coordinate the median over the windows" if each else ""),
+        f"position RMSE [{units}]: over windows of 1 s, beside how far positions move in these, and of one rollout "
+        "over the whole recording" + ("; of each coordinate the median over the windows" if each else ""),
         ("recording", "split", "samples", "1 s median", "1 s mean", "moves", "whole", *each),
         [
             (

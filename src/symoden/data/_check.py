@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ._arrivals import find_arrivals
 from ._clocks import find_other_clocks
 from ._description import Description, read_description
 from ._errors import DataError
@@ -164,7 +165,7 @@ def _check(
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:
         findings.append(refusal(outcome))
-    findings.extend([*find_merged(log), *find_absent(log)])
+    findings.extend([*find_merged(log), *find_arrivals(log), *find_absent(log)])
     if isinstance(outcome, Mask):
         findings.extend(find_masked(log, outcome))
     return RecordingCheck(

@@ -43,7 +43,8 @@ class Description:
         space: Configuration space, one factor per position column.
         positions: Columns of positions; angles in rad, unless `units` says otherwise.
         time: Column of time stamps [s], unless `units` says otherwise.
-        dt: Step of files without time stamps [s].
+        dt: Step of files without time stamps [s]; beside `time`, of the even clock that rows were taken by, the stamps
+            telling when they arrived.
         recording: Column that tells which recording a row belongs to, where files hold several.
         velocities: Columns of velocities.
         trust_velocities: Take velocities as they were logged, even where they come late and positions tell them better.
@@ -194,11 +195,8 @@ def _checked(
 
 def _refuse_contradictions(path: Path, description: Description) -> None:
     """Refuse values that are fit one by one but not together."""
-    if (description.time is None) == (description.dt is None):
-        raise DataError(
-            f"`{path}`: exactly one of `time` (a column) and `dt` (the step in seconds) must be given; got "
-            f"{'neither' if description.time is None else 'both'}."
-        )
+    if description.time is None and description.dt is None:
+        raise DataError(f"`{path}`: `time` (a column) or `dt` (the step in seconds) must be given; got neither.")
     if description.velocities is not None and description.momenta is not None:
         raise DataError(f"`{path}`: only one of `velocities` and `momenta` may be given; got both.")
     if description.trust_velocities and description.velocities is None:

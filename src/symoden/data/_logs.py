@@ -81,6 +81,20 @@ class Merged(NamedTuple):
     silences: tuple[Silence, ...] = ()
 
 
+class Arrivals(NamedTuple):
+    """That time stamps told when rows arrived, and rows were put onto an even clock.
+
+    Attributes:
+        step: Time between its ticks [s].
+        together: How many rows arrived at once with the one before.
+        known: The description gives the step.
+    """
+
+    step: float
+    together: int
+    known: bool
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Log:
     """One file's rows of one part, before anything is repaired; NaN where a number is missing or impossible.
@@ -98,6 +112,7 @@ class Log:
         units: SI units of these columns, by role, empty where neither the description nor the space tells one.
         impossible: Numbers that are too large for any machine, of each column that has any.
         merged: That the table had several clocks, if so.
+        arrivals: That its time stamps were those of arrival, if so.
     """
 
     part: str
@@ -112,6 +127,7 @@ class Log:
     units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     impossible: tuple[Impossible, ...] = ()
     merged: Merged | None = None
+    arrivals: Arrivals | None = None
 
     def __len__(self) -> int:
         """Number of rows T."""
@@ -289,7 +305,7 @@ def _without_impossible(rows: Rows) -> tuple[Rows, tuple[Impossible, ...]]:
 
 def _times(rows: Rows, description: Description) -> np.ndarray:
     """Time stamps in the order of the rows."""
-    if description.dt is not None:
+    if description.time is None and description.dt is not None:
         return description.dt * np.arange(len(rows), dtype=np.float64)
     times, columns = rows.signals["time"], rows.names["time"]
     if len(columns) != 1:

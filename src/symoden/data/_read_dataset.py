@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ._arrivals import find_arrivals
 from ._clocks import find_other_clocks
 from ._dataset import Dataset
 from ._description import Description, read_description
@@ -111,7 +112,7 @@ def _plain(names: Sequence[str], units: Mapping[str, float]) -> tuple[str, ...]:
 
 
 def _warn_of_clocks(path: Path, logs: Sequence[Log]) -> None:
-    """Say in one line that tables had several clocks, and in another what looks wrong with these."""
+    """Say in one line that tables had several clocks, in another that stamps are of arrival, and what looks wrong."""
     merged = {log.name: log.merged.columns for log in logs if log.merged is not None}
     if merged:
         columns = listing(dict.fromkeys(name for each in merged.values() for name in each))
@@ -122,6 +123,9 @@ def _warn_of_clocks(path: Path, logs: Sequence[Log]) -> None:
             DataWarning,
             stacklevel=3,
         )
+    arrived = [f"`{log.name}`: {each.text}" for log in logs for each in find_arrivals(log)]
+    if arrived:
+        _warn(path, "not taken at the times that were logged,", arrived)
     wrong = [f"`{log.name}`: {each.text}" for log in logs for each in find_merged(log) if each.level != "note"]
     if wrong:
         _warn(path, "perhaps wrong in", wrong)

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ._arrivals import on_even_clock
 from ._blind import BlindSpot, blind_spots
 from ._description import Description
 from ._errors import DataError
@@ -51,7 +52,7 @@ def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey
     Raises:
         DataError: If a file cannot be read, lacks a column, or one part has rows of another one.
     """
-    logs = tuple(on_one_clock(log, is_angle, description.hold) for log in read_logs(path, description))
+    logs = read_on_clocks(path, description, is_angle)
     spots = blind_spots(logs, is_angle, description.blind)
     measured = [_measured(log, description, is_angle, spots) for log in logs]
     rows = [chosen for chosen, _ in measured]
@@ -61,6 +62,26 @@ def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey
             _rows(log, description, is_angle, spots, _stuck(chosen)) for log, chosen in zip(used, rows, strict=True)
         ]
     return Survey(logs, used, rows, examined, replaced)
+
+
+def read_on_clocks(path: Path, description: Description, is_angle: np.ndarray) -> tuple[Log, ...]:
+    """Read the logs of a description, and bring each to one clock, which is even where stamps are of arrival.
+
+    Args:
+        path: The description's file.
+        description: What it says.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        The logs.
+
+    Raises:
+        DataError: If a file cannot be read, lacks a column, or its clocks have nothing in common.
+    """
+    return tuple(
+        on_even_clock(on_one_clock(log, is_angle, description.hold), is_angle, description.dt)
+        for log in read_logs(path, description)
+    )
 
 
 def _measured(

@@ -10,9 +10,8 @@ from ._description import Description, Part
 from ._errors import DataError
 from ._files import find_files
 from ._findings import Finding, refusal
-from ._logs import read_logs
-from ._merged import on_one_clock
 from ._readers import suffix_of
+from ._survey import read_on_clocks
 
 
 class Unreadable(NamedTuple):
@@ -58,8 +57,7 @@ def without_unreadable(
         for file in find_files(part.files, path):
             one = dataclasses.replace(part, files=(str(file.resolve()),), recordings=())
             try:
-                for log in read_logs(path, dataclasses.replace(description, **(nothing | {name: one}))):
-                    on_one_clock(log, is_angle, description.hold)
+                read_on_clocks(path, dataclasses.replace(description, **(nothing | {name: one})), is_angle)
             except DataError as error:
                 found.append(Unreadable(name, file, refusal(error)))
             else:

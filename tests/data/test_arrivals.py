@@ -1,0 +1,113 @@
+"""Rows that arrived several at once go back onto the even clock they were taken by; stamps that may be right stay."""
+
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.data import DataError, DataWarning, check_dataset, read_dataset
+from symoden.data._arrivals import even_times
+
+TEXT = """
+space = "T1"
+time = "t"
+positions = ["q"]
+inputs = ["u"]
+[train]
+files = ["run.csv"]
+"""
+STEP, POLL = 1 / 120, 0.0101
+
+
+def arrivals(taken, poll=POLL):
+    """When a program that looks for messages once in a while gets to each: those that wait come at once."""
+    looks = np.ceil((taken + 1e-3) / poll)
+    return poll * looks + 3e-5 * (np.arange(len(taken)) - np.searchsorted(looks, looks))
+
+
+def written(folder, stamps, q, text=TEXT):
+    """The description of one recording."""
+    columns = np.stack([stamps, q, np.sign(np.sin(3 * stamps))], axis=1)
+    np.savetxt(folder / "run.csv", columns, delimiter=",", header="t,q,u", comments="", fmt="%.9g")
+    path = folder / "wheel.toml"
+    path.write_text(text)
+    return path
+
+
+def angle(t):
+    """A wheel that turns round and round, as an encoder shows it."""
+    return (8 * t + 2 * np.sin(2 * t) + np.pi) % (2 * np.pi) - np.pi
+
+
+def speed(t):
+    """Its velocity."""
+    return 8 + 4 * np.cos(2 * t)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.02])
+def test_velocities_are_those_of_even_samples_and_not_of_stamps_of_arrival(tmp_path, lost):
+    rng = np.random.default_rng(1)
+    taken = STEP * np.arange(1200)
+    taken = taken[rng.random(1200) >= lost]
+    q = angle(taken) + 1e-3 * rng.standard_normal(len(taken))
+    path = written(tmp_path, arrivals(taken), q)
+    with pytest.warns(DataWarning, match="not taken at the times that were logged, `run`: .* arrived at once"):
+        (recording,) = read_dataset(path).train
+    steps = np.diff(recording.ts)
+    assert np.median(steps) == pytest.approx(STEP, rel=0.02)
+    assert steps.min() > 0.9 * STEP
+    errors = recording.rates[:, 0] - speed(recording.ts)
+    assert np.sqrt(np.mean(errors**2)) < 0.8  # Slopes of the positions over the stamps would be off by 100 rad/s.
+    (note,) = [each for each in check_dataset(path).recordings[0].findings if each.kind == "clocks"]
+    assert (note.level, note.channel) == ("note", "t")
+    assert "such as `dt = 0.008" in note.advice
+
+
+def test_the_step_of_the_clock_may_be_given_and_lost_rows_leave_their_ticks_empty(tmp_path):
+    taken = np.delete(STEP * np.arange(600), [50, 51, 200])
+    path = written(tmp_path, arrivals(taken), angle(taken), TEXT.replace('"t"', f'"t"\ndt = {STEP:.9g}', 1))
+    (recording,) = read_dataset(path).train
+    np.testing.assert_allclose(recording.ts - recording.ts[0], taken, atol=STEP * 1.5)
+    whole = np.diff(recording.ts) / STEP
+    np.testing.assert_allclose(whole, np.round(whole), atol=1e-5)
+    assert np.round(whole).sum() == pytest.approx(599, abs=1)
+    assert {each.kind for each in check_dataset(path).recordings[0].findings} == {"wrap"}
+
+
+def test_a_step_that_is_longer_than_rows_are_apart_is_refused(tmp_path):
+    taken = STEP * np.arange(600)
+    path = written(tmp_path, arrivals(taken), angle(taken), TEXT.replace('"t"', '"t"\ndt = 0.02', 1))
+    with pytest.raises(DataError, match=r"got one in 0\.008\d* s for `dt` = 0\.02"):
+        read_dataset(path)
+
+
+def test_rows_that_repeat_the_one_before_keep_their_stamps(tmp_path):
+    taken = 0.01 * np.arange(400)
+    stamps = np.sort(np.concatenate([taken, taken[::5] + 3e-5]))
+    path = written(tmp_path, stamps, np.sin(2 * taken[np.searchsorted(taken, stamps, side="right") - 1]))
+    assert not [each for each in check_dataset(path).recordings[0].findings if each.kind == "clocks"]
+
+
+@given(seed=st.integers(0, 2**32 - 1), jitter=st.floats(0, 0.8))
+def test_samples_at_uneven_times_keep_their_stamps(tmp_path_factory, seed, jitter):
+    rng = np.random.default_rng(seed)
+    stamps = 0.01 * (np.arange(300) + jitter * rng.uniform(0, 1, 300))
+    path = written(tmp_path_factory.mktemp("uneven"), stamps, np.sin(4 * stamps))
+    (log,) = (each.log for each in check_dataset(path).recordings)
+    np.testing.assert_array_equal(log.ts, np.array([float(f"{each:.9g}") for each in stamps]))
+
+
+@given(
+    gaps=st.lists(st.integers(1, 5), min_size=2, max_size=200),
+    delays=st.lists(st.floats(0, 0.9), min_size=200, max_size=200),
+    step=st.floats(1e-4, 1.0),
+)
+def test_no_two_rows_have_a_tick_in_common_and_none_was_taken_after_it_arrived(gaps, delays, step):
+    ticks = np.cumsum(gaps)
+    stamps = step * (ticks + np.array(delays[: len(ticks)]))
+    times = even_times(stamps, step)
+    whole = (times - times[0]) / step
+    np.testing.assert_allclose(whole, np.round(whole), atol=1e-6)
+    assert (np.diff(np.round(whole)) >= 1).all()
+    assert (times <= stamps + 1e-9 * step).all()
+    late = stamps - times
+    assert late.max() < 2 * step  # The first row's own delay, and less than a tick.
