@@ -73,6 +73,21 @@ def test_the_step_of_the_clock_may_be_given_and_lost_rows_leave_their_ticks_empt
     assert {each.kind for each in check_dataset(path).recordings[0].findings} == {"wrap"}
 
 
+@pytest.mark.parametrize("step", [0.001, 0.0007, 0.0012])
+def test_rounded_stamps_of_which_many_are_equal_are_even_again(tmp_path, step):
+    taken = step * np.arange(1500)
+    stamps = np.floor(taken / 0.001 + np.random.default_rng(0).uniform(-0.4, 0.4, 1500)) * 0.001
+    stamps[700:] += 0.2
+    path = written(tmp_path, stamps, angle(taken))
+    with pytest.warns(DataWarning, match="1 gap"), pytest.warns(DataWarning, match="not taken at the times"):
+        recordings = read_dataset(path).train
+    assert [len(each) for each in recordings] == [700, 800]
+    for each in recordings:
+        steps = np.diff(each.ts) / step
+        assert np.median(steps) == pytest.approx(1, rel=0.01)
+        assert np.mean(np.abs(steps - 1) > 0.02) < 0.005  # A tick that is left empty now and then.
+
+
 def test_a_step_that_is_longer_than_rows_are_apart_is_refused(tmp_path):
     taken = STEP * np.arange(600)
     path = written(tmp_path, arrivals(taken), angle(taken), TEXT.replace('"t"', '"t"\ndt = 0.02', 1))

@@ -232,29 +232,16 @@ def test_times_out_of_order_are_refused_and_still_examined(tmp_path):
         read_dataset(path)
 
 
-@pytest.mark.parametrize(("step", "said"), [(0.001, "0.001"), (0.0007, "0.0007"), (0.0012, "0.0012")])
-def test_equal_stamps_of_a_coarse_clock_ask_for_the_step(tmp_path, step, said):
+@pytest.mark.parametrize("change", ["twice", "back"])
+def test_stamps_that_stand_still_ask_for_the_step_and_those_that_go_back_do_not(tmp_path, change):
     log = arm(samples=1500)
-    jitter = np.random.default_rng(0).uniform(-0.4, 0.4, 1500)
-    log[:, 0] = np.floor(np.arange(1500) * step / 0.001 + jitter) * 0.001
+    log[:, 0] = 0.001 * np.arange(1500)
+    log[700:, 0] -= 0.001 if change == "twice" else 0.2
     path = written(tmp_path, log)
     (finding,) = (one for one in check_dataset(path).recordings[0].findings if one.kind == "time")
-    assert f"if the rows are evenly spaced, write `dt = {said}" in finding.advice
-    with pytest.raises(DataError, match=rf"times must increase; .* write `dt = {said}\d*` in place of `time`"):
+    assert ("`dt = 0.001`" in finding.advice) == (change == "twice")
+    with pytest.raises(DataError, match="times must increase"):
         read_dataset(path)
-
-
-@pytest.mark.parametrize("change", ["twice", "back", "gap"])
-def test_stamps_that_are_wrong_otherwise_do_not_ask_for_it(tmp_path, change):
-    log = arm(samples=1500)
-    log[:, 0] = 0.001 * np.floor(np.arange(1500) * (1.0 if change == "twice" else 0.8))
-    if change == "twice":
-        log[700, 0] = log[699, 0]
-        log[701:, 0] -= 0.001
-    else:
-        log[700:, 0] += -0.2 if change == "back" else 0.2
-    (finding,) = (one for one in check_dataset(written(tmp_path, log)).recordings[0].findings if one.kind == "time")
-    assert "dt = " not in finding.advice
 
 
 def test_missing_numbers_and_gaps_are_masked(tmp_path):

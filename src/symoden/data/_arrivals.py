@@ -9,14 +9,14 @@ from ._errors import DataError
 from ._findings import Finding
 from ._logs import Arrivals, Log
 from ._shapes import Times
-from ._signals import longest_step, step_of_rounded
+from ._signals import longest_step
 
 _AT_ONCE: Final = 0.1  # Of the mean step: no sensor that takes its samples so soon after each other waits as long then.
 _FEWEST, _OFTEN = 10, 0.02  # Rows that come at once with those before: how many, and which share.
 _ALIKE: Final = 0.5  # What positions move in such a step, relative to what they do in others.
 _MOST_LOST: Final = 0.3  # Share of the rows.
 _CANDIDATES: Final = 400
-_LOOSER: Final = 1.5  # Delays on a clock that is too slow grow with time; others scatter alike, but for so much.
+_SCATTER: Final = 0.5  # Of delays, relative to the usual wait; between 0 and that they would scatter by 0.29.
 _LONGER: Final = 1.1  # Step of a clock, relative to the mean step of stamps, that is no rounding.
 
 
@@ -24,6 +24,7 @@ def on_even_clock(log: Log, is_angle: np.ndarray, dt: float | None) -> Log:
     """Put rows of which several often arrived at once back onto the even clock that they were taken by.
 
     A program that waits for messages stamps them when it gets to them: some come at once, after a while without any.
+    So do rows whose stamps are rounded so coarsely that some are equal.
     If positions move as far between two that came at once as between others, the stamps cannot be right.
     Each row is taken to be the latest that its stamp allows, none at the same tick as another (`even_times`). Where a
     row is lost its tick stays empty; gaps remain.
@@ -44,10 +45,11 @@ def on_even_clock(log: Log, is_angle: np.ndarray, dt: float | None) -> Log:
     if len(ts) < 2 or (np.diff(ts) < 0).any() or not ts[-1] > ts[0]:
         return log
     steps = np.diff(ts)
-    mean = float(np.mean(steps[steps <= longest_step(steps)]))
+    usual = steps[steps <= longest_step(steps)]
+    mean = float(np.mean(usual))
     together = np.flatnonzero(steps < _AT_ONCE * mean)
     if dt is None:
-        told = len(together) >= max(_FEWEST, _OFTEN * len(steps)) and step_of_rounded(ts) is None
+        told = len(together) >= max(_FEWEST, _OFTEN * len(steps))
         if not told or not _moves_as_far(log.q[known], is_angle, together):
             return log
     elif dt > _LONGER * mean:
@@ -55,7 +57,7 @@ def on_even_clock(log: Log, is_angle: np.ndarray, dt: float | None) -> Log:
             f"{log.time_column}: where `dt` is given beside `time`, rows must be taken once in that time, or less "
             f"often; got one in {mean:.4g} s for `dt` = {dt:g}. Correct `dt`, or leave it out."
         )
-    step = dt or _step_of_clock(ts, mean)
+    step = dt or _step_of_clock(ts, mean, wait=float(np.mean(usual[usual >= _AT_ONCE * mean])))
     times = log.ts.copy()
     times[known] = even_times(ts, step)
     return dataclasses.replace(log, ts=times, arrivals=Arrivals(step, len(together), known=dt is not None))
@@ -116,8 +118,7 @@ def _moves_as_far(q: np.ndarray, is_angle: np.ndarray, together: np.ndarray) -> 
     return bool(moving.any()) and float(np.median(here[moving] / there[moving])) >= _ALIKE
 
 
-def _step_of_clock(ts: Times, mean: float) -> float:
+def _step_of_clock(ts: Times, mean: float, *, wait: float) -> float:
     """The longest step of a clock on which delays do not grow: the mean step, or less where rows were lost."""
-    steps = mean * np.linspace(1 - _MOST_LOST, 1, _CANDIDATES)
-    spreads = np.array([np.std(ts - even_times(ts, step)) for step in steps])
-    return float(steps[np.flatnonzero(spreads <= _LOOSER * spreads.min())[-1]])
+    steps = mean * np.linspace(1, 1 - _MOST_LOST, _CANDIDATES)
+    return float(next((step for step in steps if np.std(ts - even_times(ts, step)) <= _SCATTER * wait), steps[-1]))

@@ -15,8 +15,6 @@ _MOST_ALIKE = 0.99  # share of changes by the same multiple; those of a ramp are
 _LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
 _EQUAL: Final = 1e-9  # of the signal's range: changes that are no more are errors of floats
 _USUAL: Final = 0.95  # share of the steps that are at most a usual one
-_ROUNDED: Final = 1.5  # resolutions of a clock that a step may have for some of its stamps to be equal
-_AS_COARSE: Final = 0.02  # relative deviation up to which a step is the resolution
 _FAR_LONGER: Final = 5  # usual steps: real loggers hiccup by 3 to 4 of them, which interpolation bridges
 
 
@@ -45,30 +43,6 @@ def usual_step(steps: Times) -> float:
         The time [s].
     """
     return float(np.quantile(steps, _USUAL, method="lower"))
-
-
-def step_of_rounded(ts: np.ndarray) -> float | None:
-    """Step of evenly spaced samples whose time stamps are rounded so coarsely that some are equal.
-
-    Args:
-        ts: Time stamps [s].
-
-    Returns:
-        The mean step [s], to the digits that are known; None where some stamp falls, time is missing, or equal
-        stamps have another reason.
-    """
-    steps = np.diff(ts)
-    if not len(steps) or steps.min() < 0 or not (steps > 0).any():
-        return None
-    resolution = float(steps[steps > _EQUAL * steps.max()].min())
-    mean = float(steps.mean())
-    whole = steps / resolution
-    if mean > _ROUNDED * resolution or whole.max() > _FAR_LONGER or np.abs(whole - np.round(whole)).max() > _NEAR:
-        return None
-    if abs(mean / resolution - 1) > _AS_COARSE:
-        known = -np.log10(2 * resolution / len(steps))  # Digits that both ends tell, which are rounded too.
-        return round(mean, int(np.floor(known)))
-    return resolution if np.round(whole.max()) > 1 else None  # Nothing makes up for rows that are there twice.
 
 
 def least_change(signal: np.ndarray) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 
 from ._errors import DataError
 from ._shapes import Times
-from ._signals import step_of_rounded
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,26 +133,9 @@ def refuse_times_out_of_order(ts: Times, where: str, *, place: Callable[[int], s
         raise DataError(
             f"{where}, {place(k)}: times must increase; got {float(ts[k])!r} after {float(ts[before])!r} "
             f"({late.size} such row{'s' if late.size > 1 else ''}). "
-            + (evenly_spaced(ts[known]) or "Sort the rows by time and keep one of each.")
+            "Sort the rows by time and keep one of each. Where some are equal because they are rounded, write the "
+            "rows' step beside `time`, such as `dt = 0.001`."
         )
-
-
-def evenly_spaced(ts: Times) -> str:
-    """Advice on time stamps of which some are equal because they are rounded.
-
-    Args:
-        ts: Time stamps [s] that do not increase.
-
-    Returns:
-        What to do; nothing where there is another reason.
-    """
-    step = step_of_rounded(ts)
-    if step is None:
-        return ""
-    return (
-        f"The stamps look rounded: if the rows are evenly spaced, write `dt = {step:.6g}` in place of `time`; it holds "
-        "for every file. Else log finer stamps."
-    )
 
 
 def finite_numbers(values: object, what: str, *, axes: int) -> np.ndarray:
