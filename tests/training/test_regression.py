@@ -1,6 +1,7 @@
 """Regression of the equations of motion in weak form: where it stands in training, and what it leaves to do."""
 
 import dataclasses
+import math
 
 import equinox as eqx
 import jax
@@ -65,6 +66,15 @@ def test_one_and_two_coordinates_come_back_to_it_where_adam_found_no_basin(quick
     assert all(all(row[5:]) for row in applies)
     raw = line_up(dataset, model, (model, model), dataclasses.replace(quick, scaled_loss=False))
     assert [stage.name for stage in raw][:3] == ["adam 1 of 2", "adam 2 of 2", "levenberg-marquardt"]
+
+
+def test_nothing_is_set_free_where_no_rollout_is_finite(quick, pendulum, plain):
+    dataset, model = pendulum(), build(plain, Space.parse("T1"), 1, key=jax.random.key(0))
+    stages = [stage for stage in line_up(dataset, model, (), quick) if isinstance(stage, LevenbergStage)]
+    for loss in (1e3, math.inf):
+        applies = [stage.applies(begun_with(model, model)._replace(best_loss=loss)) for stage in stages]
+        assert applies == [stage.margin is None or math.isfinite(loss) for stage in stages]
+    assert len(stages) > 1
 
 
 @pytest.mark.parametrize("better", [True, False])

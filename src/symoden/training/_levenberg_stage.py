@@ -92,6 +92,8 @@ class LevenbergStage(AbstractStage):
             return False
         if self.unless & freed(state.best):
             return False
+        if self.margin is not None and self.fresh is None and not math.isfinite(state.best_loss):
+            return False  # There is nothing to improve on, nor to judge by.
         if self.rollouts is not None:
             return state.best_loss >= FOUND
         return self.fresh is None or not (self._is_below(EXPLAINED, state.best_loss) or self._has_freed(state.best))
@@ -225,19 +227,15 @@ class LevenbergStage(AbstractStage):
         """
         model = restore(state.theta)
         pin = free_scale(model, restore, state.theta, self.data.train.q[:_STATES, 0]) if self.learns else None
-        return levenberg_marquardt_step(
-            state,
-            restore,
-            self.objective(substeps, weighing),
-            batch,
-            prior=Prior(
-                priors.precisions(model, restore.corrections),
-                mean,
-                float(priors.variance) or None if self.learns else None,
-                float(weighing.effect),
-            ),
-            pin=pin,
+        prior = Prior(
+            priors.precisions(model, restore.corrections),
+            mean,
+            float(priors.variance) or None if self.learns else None,
+            float(weighing.effect),
         )
+        objective = self.objective(substeps, weighing)
+        with np.errstate(over="ignore", invalid="ignore"):  # Where rollouts diverge; no such step is accepted.
+            return levenberg_marquardt_step(state, restore, objective, batch, prior=prior, pin=pin)
 
     def gains(self, step: LevenbergStep, *, better: bool) -> bool:
         """Whether a step is a reason to take more of them.
