@@ -135,7 +135,6 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
         assert after.whitens == (not after.corrections & ~before.corrections)  # What sets nothing free.
         assert after.margin is not None
         assert (after.margin > 0) != after.learns  # Simpler models are to be preferred; priors make them so.
-        assert after.widens == (len(after.data.train.ts[0]) > len(before.data.train.ts[0]))
 
 
 def test_errors_are_weighed_by_what_is_new_in_them_where_a_stage_says_so(stage, pendulum, quick, monkeypatch):
@@ -229,9 +228,9 @@ def test_what_validation_refused_begins_with_narrow_priors_where_these_are_learn
     kept = restore(theta + 0.1)  # What is free and not zero was kept.
     assert opened(kept) == [[50.0]] * 3
     assert dataclasses.replace(learning, learns=False).start(state).memory is state.memory
-    memory = learning.start(state).memory  # Learned since, and not zero any more; longer windows begin wide but for it.
-    longer = dataclasses.replace(learning, widens=True).start(state._replace(best=kept, model=kept, memory=memory))
-    assert sorted(set(longer.memory.precisions(model, FRICTION))) == [learning.config.prior, 1e4]
+    memory = learning.start(state).memory  # Learned since, and not zero any more: longer windows go on from there.
+    longer = learning.start(state._replace(best=kept, model=kept, memory=memory))
+    assert sorted(set(longer.memory.precisions(model, FRICTION))) == [50.0, 1e4]
 
 
 def test_a_stage_may_begin_with_wide_priors_and_what_was_learned_comes_back_if_it_is_refused(stage, monkeypatch):

@@ -116,9 +116,8 @@ class LevenbergStage(AbstractStage):
         known = state.memory if isinstance(state.memory, Relevance) else fresh
         priors = fresh if self.widens else known
         if self.learns:  # Beside the residuals of these windows.
-            kept = known.kept if self.widens and known.kept >= 0 else freed(best)
-            kept = kept if self.fresh is None else self._free(best, state.best)
-            priors = priors.forgotten().narrowed(best, int(kept), self.corrections)
+            kept = freed(best) if self.fresh is None else self._free(best, state.best)
+            priors = priors.forgotten().narrowed(best, kept, self.corrections)
         return state._replace(
             step=0,
             model=best,

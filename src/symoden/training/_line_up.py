@@ -129,9 +129,9 @@ def _further(
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
     What depends on the direction is not, unless validation asked for it: on a measured arm
     whose encoders have another zero in every recording it took up what these leave, and a recording held out was
-    predicted worse. In longer windows priors are learned anew: these tell of parameters that shorter ones do not, and
-    what is narrow does not widen. Errors that they were learned beside are then gone: a refit follows, in which they
-    fade with the loss.
+    predicted worse. In longer windows priors go on from what shorter ones taught: with wide ones again, noise would
+    fill what these had closed. Errors that they were learned beside are then gone: a refit follows, in which they fade
+    with the loss.
 
     What comes after longer windows goes by the longest: short ones would undo what these find.
 
@@ -182,9 +182,11 @@ def _further(
     if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
         stages.append(_actuation_anew(dynamics, data, config, learns=learns))
     again = (learn + 1) // 2 if learns else grow  # At a factor of three a step priors are through in 17.
-    anew = functools.partial(whitened, steps=again, margin=-_CLEAR, learns=learns, widens=True)
+    longer_still = functools.partial(whitened, steps=again, margin=-_CLEAR, learns=learns)
     if stages or count(corrections=judged):  # Else every part is given, and nothing is free before networks are.
-        stages.extend(anew(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False))
+        stages.extend(
+            longer_still(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False)
+        )
     longest = longer[-1] if longer else data
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))

@@ -35,13 +35,11 @@ class Relevance(NamedTuple):
             it is not known.
         evidence: Its logarithm by the linearised model, but for what all priors beside this variance share; −∞ before
             any were learned.
-        kept: Which kinds of corrections were kept before any priors were learned, as flags; −1 as long as none are.
     """
 
     precision: PyTree
     variance: Float[Array, ""]
     evidence: Float[Array, ""]
-    kept: Int[Array, ""]
 
     @classmethod
     def start(cls, model: PyTree, prior: float) -> "Relevance":
@@ -56,7 +54,7 @@ class Relevance(NamedTuple):
         """
         free = eqx.filter(model, trainable(model))
         precision = jax.tree.map(lambda x: jax.device_put(np.full(x.shape, prior, float)), free)
-        return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float), jnp.asarray(-1))
+        return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float))
 
     def unrecorded(self) -> "Relevance":
         """The same priors where nothing is known of their evidence."""
@@ -83,7 +81,7 @@ class Relevance(NamedTuple):
         wide, rest = eqx.partition(self.precision, trainable(model, corrections=kept))
         opened, closed = eqx.partition(rest, trainable(model, corrections=corrections))
         opened = jax.tree.map(lambda x: jnp.maximum(x, _NARROW), opened)
-        return self._replace(precision=eqx.combine(wide, opened, closed), kept=jnp.asarray(kept))
+        return self._replace(precision=eqx.combine(wide, opened, closed))
 
     def precisions(self, model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
         """The precisions as a vector, in the order of the flat parameters.
@@ -176,7 +174,7 @@ class Relevance(NamedTuple):
         learned = jax.tree.unflatten(structure, [jnp.asarray(part.reshape(shape), float) for part, shape in parts])
         evidence -= (equations.loss * count + (pull - gradient) @ theta) / 2
         found = eqx.combine(learned, rest)
-        return Relevance(found, jnp.asarray(variance, float), jnp.asarray(evidence, float), self.kept)
+        return Relevance(found, jnp.asarray(variance, float), jnp.asarray(evidence, float))
 
 
 def _posterior(
