@@ -73,6 +73,16 @@ def test_the_step_of_the_clock_may_be_given_and_lost_rows_leave_their_ticks_empt
     assert {each.kind for each in check_dataset(path).recordings[0].findings} == {"wrap"}
 
 
+def test_rows_that_were_lost_do_not_make_the_clock_as_slow_as_they_are_apart(tmp_path):
+    taken = STEP * np.arange(2000)
+    taken = taken[np.random.default_rng(3).random(2000) >= 0.15]
+    path = written(tmp_path, arrivals(taken), angle(taken))
+    with pytest.warns(DataWarning, match="an even clock of"):
+        recordings = read_dataset(path).train
+    step, apart = np.median(np.diff(recordings[0].ts)), STEP / 0.85
+    assert 0.98 * STEP < step < (STEP + apart) / 2
+
+
 @pytest.mark.parametrize("step", [0.001, 0.0007, 0.0012])
 def test_rounded_stamps_of_which_many_are_equal_are_even_again(tmp_path, step):
     taken = step * np.arange(1500)
@@ -95,11 +105,15 @@ def test_a_step_that_is_longer_than_rows_are_apart_is_refused(tmp_path):
         read_dataset(path)
 
 
-def test_rows_that_repeat_the_one_before_keep_their_stamps(tmp_path):
+@pytest.mark.parametrize("held", [True, False])
+def test_rows_that_repeat_the_one_before_or_lack_their_position_keep_their_stamps(tmp_path, held):
     taken = 0.01 * np.arange(400)
     stamps = np.sort(np.concatenate([taken, taken[::5] + 3e-5]))
-    path = written(tmp_path, stamps, np.sin(2 * taken[np.searchsorted(taken, stamps, side="right") - 1]))
-    assert not [each for each in check_dataset(path).recordings[0].findings if each.kind == "clocks"]
+    q = np.sin(2 * taken[np.searchsorted(taken, stamps, side="right") - 1])
+    q[np.flatnonzero(np.diff(stamps) < 1e-4) + 1] *= 1 if held else np.nan
+    assert not [
+        each for each in check_dataset(written(tmp_path, stamps, q)).recordings[0].findings if each.channel == "t"
+    ]
 
 
 @given(seed=st.integers(0, 2**32 - 1), jitter=st.floats(0, 0.8))

@@ -20,7 +20,7 @@ _SCATTER: Final = 0.5  # Of delays, relative to the usual wait; between 0 and th
 _LONGER: Final = 1.1  # Step of a clock, relative to the mean step of stamps, that is no rounding.
 
 
-def on_even_clock(log: Log, is_angle: np.ndarray, dt: float | None) -> Log:
+def on_even_clock(log: Log, dt: float | None) -> Log:
     """Put rows of which several often arrived at once back onto the even clock that they were taken by.
 
     A program that waits for messages stamps them when it gets to them: some come at once, after a while without any.
@@ -31,7 +31,6 @@ def on_even_clock(log: Log, is_angle: np.ndarray, dt: float | None) -> Log:
 
     Args:
         log: What was logged.
-        is_angle: Whether each coordinate is an angle.
         dt: Step of the clock [s], if it is known: then stamps are of arrival whatever they look like.
 
     Returns:
@@ -50,7 +49,7 @@ def on_even_clock(log: Log, is_angle: np.ndarray, dt: float | None) -> Log:
     together = np.flatnonzero(steps < _AT_ONCE * mean)
     if dt is None:
         told = len(together) >= max(_FEWEST, _OFTEN * len(steps))
-        if not told or not _moves_as_far(log.q[known], is_angle, together):
+        if not told or not _moves_as_far(log.q[known], together):
             return log
     elif dt > _LONGER * mean:
         raise DataError(
@@ -105,15 +104,14 @@ def even_times(ts: Times, step: float) -> Times:
     return ts[0] + step * (np.minimum.accumulate((ticks - rows)[::-1])[::-1] + rows)
 
 
-def _moves_as_far(q: np.ndarray, is_angle: np.ndarray, together: np.ndarray) -> bool:
-    """Whether positions move in steps of no time about as far as in others."""
-    moves = np.diff(q, axis=0)
-    moves[:, is_angle] = (moves[:, is_angle] + np.pi) % (2 * np.pi) - np.pi
-    moves = np.abs(moves)
-    at_once = np.zeros(len(moves), bool)
+def _moves_as_far(q: np.ndarray, together: np.ndarray) -> bool:
+    """Whether positions move in steps of no time about as far as in others; medians do not see wraps of angles."""
+    moves = np.abs(np.diff(q, axis=0))
+    complete, at_once = np.isfinite(moves).all(axis=1), np.zeros(len(moves), bool)
     at_once[together] = True
-    with np.errstate(invalid="ignore"):
-        here, there = np.nanmedian(moves[at_once], axis=0), np.nanmedian(moves[~at_once], axis=0)
+    if not (complete & at_once).any() or not (complete & ~at_once).any():
+        return False
+    here, there = (np.median(moves[complete & which], axis=0) for which in (at_once, ~at_once))
     moving = there > 0
     return bool(moving.any()) and float(np.median(here[moving] / there[moving])) >= _ALIKE
 

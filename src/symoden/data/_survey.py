@@ -78,10 +78,9 @@ def read_on_clocks(path: Path, description: Description, is_angle: np.ndarray) -
     Raises:
         DataError: If a file cannot be read, lacks a column, or its clocks have nothing in common.
     """
-    return tuple(
-        on_even_clock(on_one_clock(log, is_angle, description.hold), is_angle, description.dt)
-        for log in read_logs(path, description)
-    )
+    step = None if description.time is None else description.dt
+    logs = read_logs(path, description)
+    return tuple(on_even_clock(on_one_clock(log, is_angle, description.hold), step) for log in logs)
 
 
 def _measured(
