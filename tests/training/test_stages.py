@@ -134,6 +134,7 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     for before, after in itertools.pairwise(stages):
         assert after.whitens == (not after.corrections & ~before.corrections)  # What sets nothing free.
         assert after.margin is not None
+        assert not after.widens  # Longer windows go on with the priors of shorter ones.
         assert (after.margin > 0) != after.learns  # Simpler models are to be preferred; priors make them so.
 
 

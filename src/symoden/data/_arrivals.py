@@ -9,7 +9,7 @@ from ._errors import DataError
 from ._findings import Finding
 from ._logs import Arrivals, Log
 from ._shapes import Times
-from ._signals import longest_step
+from ._signals import longest_step, whole_steps
 
 _AT_ONCE: Final = 0.1  # Of the mean step: no sensor that takes its samples so soon after each other waits as long then.
 _FEWEST, _OFTEN = 10, 0.02  # Rows that come at once with those before: how many, and which share.
@@ -34,16 +34,17 @@ def on_even_clock(log: Log, dt: float | None) -> Log:
         dt: Step of the clock [s], if it is known: then stamps are of arrival whatever they look like.
 
     Returns:
-        The log with the clock's times and `arrivals`; the same log where the stamps may be right, or do not tell.
+        The log with the clock's times, and `arrivals` if the step was not known; the same log where the stamps may be
+        right, or do not tell.
 
     Raises:
         DataError: If there are more rows than ticks of the clock.
     """
     known = np.flatnonzero(np.isfinite(log.ts))
     ts = log.ts[known]
-    if len(ts) < 2 or (np.diff(ts) < 0).any() or not ts[-1] > ts[0]:
-        return log
     steps = np.diff(ts)
+    if (steps < 0).any() or not steps.any():
+        return log
     usual = steps[steps <= longest_step(steps)]
     mean = float(np.mean(usual))
     together = np.flatnonzero(steps < _AT_ONCE * mean)
@@ -59,7 +60,7 @@ def on_even_clock(log: Log, dt: float | None) -> Log:
     step = dt or _step_of_clock(ts, mean, wait=float(np.mean(usual[usual >= _AT_ONCE * mean])))
     times = log.ts.copy()
     times[known] = even_times(ts, step)
-    return dataclasses.replace(log, ts=times, arrivals=Arrivals(step, len(together), known=dt is not None))
+    return dataclasses.replace(log, ts=times, arrivals=None if dt else Arrivals(step, len(together)))
 
 
 def find_arrivals(log: Log) -> list[Finding]:
@@ -71,9 +72,9 @@ def find_arrivals(log: Log) -> list[Finding]:
     Returns:
         The finding, or none.
     """
-    if log.arrivals is None or log.arrivals.known:
+    if log.arrivals is None:
         return []
-    step, together, _ = log.arrivals
+    step, together = log.arrivals
     (name,) = log.names["time"]
     return [
         Finding(
@@ -100,7 +101,7 @@ def even_times(ts: Times, step: float) -> Times:
         The latest ticks of which no two rows have the same [s].
     """
     rows = np.arange(len(ts))
-    ticks = np.floor((ts - ts[0]) / step * (1 + 1e-12) + 1e-9)
+    ticks = whole_steps(ts - ts[0], step)
     return ts[0] + step * (np.minimum.accumulate((ticks - rows)[::-1])[::-1] + rows)
 
 

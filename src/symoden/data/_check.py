@@ -23,7 +23,7 @@ from ._pace import find_fast_sampling
 from ._read_dataset import assemble
 from ._recordings import recordings_of
 from ._survey import Survey, survey
-from ._trajectory import Trajectory
+from ._trajectory import ROUNDED, Trajectory
 from ._unreadable import Unreadable, without_unreadable
 from ._zeros import find_counted_zeros
 
@@ -200,13 +200,7 @@ def _out_of_order(log: Log) -> list[Finding]:
             text=f"{len(late)} {said} not increase ({what}), {first}",
             advice="If the file holds several recordings, one after the other, name the column that tells them apart: "
             '`recording = "trial"`. Else sort the rows by time and keep one of each; if a clock was set back, cut the '
-            "file there by `rows`."
-            + (
-                " Where some are equal because they are rounded, write the rows' step beside `time`, such as "
-                "`dt = 0.001`."
-                if doubles
-                else ""
-            ),
+            "file there by `rows`." + (f" {ROUNDED}" if doubles else ""),
             spans=tuple((float(log.ts[b]), float(log.ts[a])) for b, a in zip(before, after, strict=True))[:SHOWN_SPANS],
         )
     ]

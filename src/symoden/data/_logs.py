@@ -82,17 +82,15 @@ class Merged(NamedTuple):
 
 
 class Arrivals(NamedTuple):
-    """That time stamps told when rows arrived, and rows were put onto an even clock.
+    """That time stamps were found to tell when rows arrived, and rows were put onto an even clock.
 
     Attributes:
         step: Time between its ticks [s].
         together: How many rows arrived at once with the one before.
-        known: The description gives the step.
     """
 
     step: float
     together: int
-    known: bool
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,7 +110,7 @@ class Log:
         units: SI units of these columns, by role, empty where neither the description nor the space tells one.
         impossible: Numbers that are too large for any machine, of each column that has any.
         merged: That the table had several clocks, if so.
-        arrivals: That its time stamps were those of arrival, if so.
+        arrivals: That its time stamps were found to be those of arrival, if so.
     """
 
     part: str

@@ -7,6 +7,7 @@ import numpy as np
 
 from ._errors import DataError
 from ._shapes import Inputs, Signals, Times
+from ._signals import whole_steps
 from ._trajectory import Trajectory
 from ._velocities import averaged_noise_gain
 
@@ -38,7 +39,7 @@ def resample(trajectory: Trajectory, dt: float, *, hold: Literal["zero", "linear
     if not dt > 0:
         raise ValueError(f"`dt` must be positive; got {dt}.")
     ts, elapsed = trajectory.ts, trajectory.ts - trajectory.ts[0]
-    steps = np.floor(elapsed[-1] / dt * (1 + 1e-12) + 1e-9)
+    (steps,) = whole_steps(elapsed[-1:], dt)
     if not 1 <= steps < _MOST_SAMPLES:
         raise DataError(
             f"`{trajectory.name}`: `resample` must give 2 to {_MOST_SAMPLES} samples; got a step of {dt} s for a "

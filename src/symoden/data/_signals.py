@@ -45,6 +45,19 @@ def usual_step(steps: Times) -> float:
     return float(np.quantile(steps, _USUAL, method="lower"))
 
 
+def whole_steps(elapsed: np.ndarray, step: float) -> np.ndarray:
+    """How many whole steps fit into a time, one that rounding makes too short included.
+
+    Args:
+        elapsed: Times [s].
+        step: The step [s].
+
+    Returns:
+        The numbers.
+    """
+    return np.floor(elapsed / step * (1 + 1e-12) + 1e-9)
+
+
 def least_change(signal: np.ndarray) -> float:
     """Smallest change from one sample to the next.
 

@@ -3,11 +3,17 @@
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from ._errors import DataError
 from ._shapes import Times
+
+ROUNDED: Final = (
+    "Where some are equal because they are rounded, write the rows' step beside `time`, such as `dt = 0.001`."
+)
+"""Advice on time stamps of which some are equal."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,8 +139,7 @@ def refuse_times_out_of_order(ts: Times, where: str, *, place: Callable[[int], s
         raise DataError(
             f"{where}, {place(k)}: times must increase; got {float(ts[k])!r} after {float(ts[before])!r} "
             f"({late.size} such row{'s' if late.size > 1 else ''}). "
-            "Sort the rows by time and keep one of each. Where some are equal because they are rounded, write the "
-            "rows' step beside `time`, such as `dt = 0.001`."
+            f"Sort the rows by time and keep one of each. {ROUNDED}"
         )
 
 

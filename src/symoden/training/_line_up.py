@@ -182,10 +182,10 @@ def _further(
     if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
         stages.append(_actuation_anew(dynamics, data, config, learns=learns))
     again = (learn + 1) // 2 if learns else grow  # At a factor of three a step priors are through in 17.
-    longer_still = functools.partial(whitened, steps=again, margin=-_CLEAR, learns=learns)
     if stages or count(corrections=judged):  # Else every part is given, and nothing is free before networks are.
         stages.extend(
-            longer_still(each, name=f"longer windows {times}x") for times, each in zip(LONGER, longer, strict=False)
+            whitened(each, name=f"longer windows {times}x", steps=again, margin=-_CLEAR, learns=learns)
+            for times, each in zip(LONGER, longer, strict=False)
         )
     longest = longer[-1] if longer else data
     if learns:
