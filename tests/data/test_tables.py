@@ -35,8 +35,12 @@ def test_numbers_are_read_to_the_last_bit(tmp_path, values):
         "\ufefft;q\r\n0;1.5\r\n1; 2.5\r\n\r\n",
         "# t\tq\n0\t1.5\n1\t+2.5e0",
         't, "q" ,note\n0,1.5,"a, b"\n1,2.5,\n',
+        "t,q\n0,1.5,,\n1,2.5\n",
+        "t\tq\r\n0\t1.5\t\t\r\n1\t2.5 \t\r\n",
+        "sep=;\nt;q\n0;1.5\n1;2.5\n",
+        '"sep=,"\r\n# t,q\r\n0,1.5\r\n1,2.5\r\n',
     ],
-    ids=["commas", "semicolons", "tabs", "quotes"],
+    ids=["commas", "semicolons", "tabs", "quotes", "surplus commas", "surplus tabs", "sep=;", "sep=,"],
 )
 def test_every_usual_way_to_write_a_table_is_understood(tmp_path, name, text):
     path = tmp_path / name
@@ -230,7 +234,10 @@ BAD = [
     ('a,b\n"1000,010751",2\n', r"got '1000,010751'\. Decimal commas are read where semicolons or tabs .* with decimal"),
     ("a;b\n1000,010751;2.5\n", r"got '1000,010751'\. Decimal commas are read where .* no number has a point"),
     ("a;b\n7;2\n1,250;3\n", r"row 1\): must be a number or empty; got '1,250'\. Decimal commas"),  # Thousands?
-    ("a,b\n1,2\n1,2,3", r"every line must have the 2 cells that the first line names"),
+    ("a,b\n1,2\n1,2,3", r"a cell for each of the 2 columns; got 3 in line 3 \(row 1\): '1,2,3'"),
+    ("a,b\n0,5,1,5\n", r"got 4 in line 2 \(row 0\): '0,5,1,5'\. Where commas are decimal marks, cells must be sep"),
+    ("a;b\n1;2\n1;2;;3;", r"got 5 in line 3 \(row 1\): '1;2;;3;'\.$"),
+    ('a,b\n1,"2\n1,2', "must be a table of text; reading stopped at"),
     ("a,b,a\n1,2,3", "column `a` must be there once; got it twice"),
     ("", "is empty"),
     ("\n \n", "is empty; it must have a line of column names"),

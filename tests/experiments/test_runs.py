@@ -20,6 +20,7 @@ from symoden.experiments import (
     train_run,
     write_run,
 )
+from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig, build, save
 from symoden.spaces import Space
 from symoden.storage import StorageError
@@ -178,9 +179,24 @@ def test_a_run_that_was_told_its_space_reads_other_data_so():
     assert read_run_source(told, "pendulum-canonical").dataset.space == "T1"
 
 
-def test_the_digest_tells_data_apart():
-    one, other = (Dataset(name="d", space="T1", train=(swing(samples=k),)) for k in (30, 31))
-    assert summarize(one).digest != summarize(other).digest
+DRIVEN = Dataset(name="d", space="T1", train=(swing(), swing(samples=31)), input_matrix=np.eye(1))
+OTHERS = {
+    "length": dataclasses.replace(DRIVEN, train=(swing(), swing(samples=32))),
+    "part": dataclasses.replace(DRIVEN, train=DRIVEN.train[:1], test=DRIVEN.train[1:]),
+    "space": dataclasses.replace(DRIVEN, space="R1"),
+    "momenta": dataclasses.replace(DRIVEN, momenta=True),
+    "hold": dataclasses.replace(DRIVEN, hold="linear"),
+    "gain": dataclasses.replace(DRIVEN, input_matrix=-3 * np.eye(1)),
+    "no gain": dataclasses.replace(DRIVEN, input_matrix=None),
+    "known": dataclasses.replace(DRIVEN, known=KnownParts(potential_energy="cos(q1)")),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_the_digest_tells_data_apart(name):
+    other = OTHERS[name]
+    assert summarize(dataclasses.replace(DRIVEN, name="e")).digest == summarize(DRIVEN).digest
+    assert summarize(other).digest != summarize(DRIVEN).digest
 
 
 def outside(ranges, recording, space):

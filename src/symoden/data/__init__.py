@@ -12,6 +12,7 @@ from ._resample import resample as resample
 from ._spans import choose_spans as choose_spans
 from ._split import segments as segments, split_validation as split_validation
 from ._time_scale import time_scales as time_scales
+from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory
 from ._unreadable import Unreadable as Unreadable
 from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
@@ -32,6 +33,7 @@ __all__ = [
     "Unreadable",
     "Windows",
     "check_dataset",
+    "check_trainable",
     "choose_spans",
     "estimate_velocities",
     "measure_noise",
@@ -40,6 +42,7 @@ __all__ = [
     "segments",
     "spaced_evenly",
     "split_validation",
+    "states",
     "time_scales",
     "velocity_noise_gain",
     "windows",

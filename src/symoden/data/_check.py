@@ -23,6 +23,7 @@ from ._pace import find_fast_sampling
 from ._read_dataset import assemble
 from ._recordings import recordings_of
 from ._survey import Survey, survey
+from ._trainable import check_trainable
 from ._trajectory import ROUNDED, Trajectory
 from ._unreadable import Unreadable, without_unreadable
 from ._zeros import find_counted_zeros
@@ -150,6 +151,7 @@ def _assembled(
     """What keeps the recordings from being a data set, or is worth saying of their lengths and their rate."""
     try:
         dataset = assemble(path, description, logs, recordings)
+        check_trainable(dataset)
     except DataError as error:
         return [refusal(error)]
     return [*find_short(dataset), *find_fast_sampling(dataset)]

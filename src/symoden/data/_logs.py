@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -99,7 +100,8 @@ class Log:
 
     Attributes:
         part: "train", "test" or "validation".
-        name: The file's stem, and what tells the recording apart from others in it: `swings-3`.
+        name: The file's stem, and what tells the recording apart from others in it: `swings-3`; with as many of the
+            folders above in front as tell it apart from others of its part: `monday-swings-3`.
         path: The file.
         rows: Row of the file that each row of the log is, counted from 0.
         ts: Time stamps [s] (T,), in the order of the rows.
@@ -190,7 +192,24 @@ def read_logs(path: Path, description: Description) -> tuple[Log, ...]:
     is_angle = angles(path, description)
     parts = read_parts(path, description)
     _refuse_overlaps(path, parts)
-    return tuple(_log(name, rows, description, is_angle) for name, part in parts.items() for rows in part)
+    return tuple(
+        log
+        for name, part in parts.items()
+        for log in _told_apart([_log(name, rows, description, is_angle) for rows in part])
+    )
+
+
+def _told_apart(logs: Sequence[Log]) -> list[Log]:
+    """The logs of a part, each with a name of its own."""
+    names = [log.name for log in logs]
+    above = [log.path.resolve().parent.parts[1:] for log in logs]
+    for depth in range(max(map(len, above), default=0)):
+        shared = {name for name, count in Counter(names).items() if count > 1}
+        names = [
+            f"{folders[-1 - depth]}-{name}" if name in shared and depth < len(folders) else name
+            for name, folders in zip(names, above, strict=True)
+        ]
+    return [dataclasses.replace(log, name=name) for log, name in zip(logs, names, strict=True)]
 
 
 def angles(path: Path, description: Description) -> np.ndarray:

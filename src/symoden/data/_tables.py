@@ -20,6 +20,8 @@ from ._limits import LARGEST, refuse_large
 TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
 """Endings of the names of tables of text, `.gz` apart."""
 _COMMENTS: Final = ("#", "%")
+_DECLARATION: Final = re.compile(r'"?sep=.?"?', re.IGNORECASE)  # Of the separator, for spreadsheets.
+_QUOTED: Final = 60  # Characters of a line in a message.
 _PREAMBLE: Final = 2000  # Lines in which the rows of a table begin.
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 _NO_UNIT = re.compile(r"[][(){}\s*/·.^²³0-9-]+")
@@ -86,17 +88,39 @@ def read_csv(path: Path) -> pl.DataFrame:
     schema = {str(i): pl.String for i in range(len(names))}
     if not body:
         return pl.DataFrame(schema=schema).rename(_unique(names))
+    read = functools.partial(pl.read_csv, has_header=False, separator=separator, schema=schema)
     try:
-        frame = pl.read_csv(body.encode(), has_header=False, separator=separator, schema=schema)
+        frame = read(body.encode())
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        reason = str(error).splitlines()[0]
-        raise DataError(
-            f"`{path}`: every line must have the {len(names)} cells that the first line names; reading stopped at: "
-            f"{reason}."
-        ) from error
+        trimmed = _without_surplus(path, body, layout, separator)
+        if trimmed == body:  # Something else is wrong, such as a quotation without end.
+            reason = str(error).splitlines()[0]
+            raise DataError(f"`{path}`: must be a table of text; reading stopped at: {reason}.") from error
+        frame = read(trimmed.encode())
     if separator != "," and "," in body:
         frame = with_points(frame)
     return frame.rename(_unique(names))
+
+
+def _without_surplus(path: Path, body: str, layout: Layout, separator: str) -> str:
+    """The rows of a table without the empty cells at the end of lines that have more cells than there are columns."""
+    lines, named = body.split("\n"), len(layout.names)
+    for row, line in enumerate(lines):
+        cells = _cells(line, separator)
+        if len(cells) > named and any(cells[named:]):
+            commas = (
+                " Where commas are decimal marks, cells must be separated by semicolons or tabs."
+                if separator == ","
+                else ""
+            )
+            raise DataError(
+                f"`{path}`: every line must have a cell for each of the {named} columns; got {len(cells)} in line "
+                f"{layout.line + row} (row {row}): {line.strip()[:_QUOTED]!r}.{commas}"
+            )
+        for _ in cells[named:]:
+            line = line.rstrip(" \r").removesuffix(separator)
+        lines[row] = line
+    return "\n".join(lines)
 
 
 def find_layout(text: str) -> Layout:
@@ -109,11 +133,13 @@ def find_layout(text: str) -> Layout:
         Its layout.
     """
     comments, lines = [], list(itertools.islice(_lines(text), _PREAMBLE))
+    if lines and _DECLARATION.fullmatch(lines[0][2]):
+        lines.pop(0)
     while lines and lines[0][2].startswith(_COMMENTS):
         comments.append(lines.pop(0)[2].lstrip("".join(_COMMENTS)).strip())
     after = [line for line in lines[1:] if not line[2].startswith(_COMMENTS)]
     if not lines:  # Comments alone.
-        last = comments[-1]
+        last = comments[-1] if comments else ""
         return Layout(tuple(_cells(last, _separator(last, ""))), _separator(last, ""), text.count("\n") + 2, len(text))
     number, start, first = lines[0]
     separator = _separator(first, after[0][2] if after else "")

@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final, Literal
 
+import numpy as np
 from symoden.data import Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
@@ -64,7 +65,7 @@ class DataSummary:
         position_names: Names of the coordinates.
         input_names: Names of the inputs.
         ranges: Least and largest values in the training part.
-        digest: SHA-256 of all recordings and of what is known; resuming with others is refused.
+        digest: SHA-256 of the recordings of each part and of all that is told of them; resuming with others is refused.
     """
 
     space: str
@@ -155,13 +156,6 @@ def summarize(dataset: Dataset) -> DataSummary:
         Its summary.
     """
     parts = {"train": dataset.train, "validation": dataset.validation, "test": dataset.test}
-    digest = hashlib.sha256()
-    for recording in dataset.recordings:
-        for array in (recording.ts, recording.q, recording.rates, recording.us):
-            digest.update(str(array.shape).encode())
-            digest.update(array.tobytes())
-    if dataset.known is not None:
-        digest.update(repr(dataset.known).encode())
     return DataSummary(
         space=dataset.space,
         momenta=dataset.momenta,
@@ -171,8 +165,22 @@ def summarize(dataset: Dataset) -> DataSummary:
         position_names=dataset.position_names,
         input_names=dataset.input_names,
         ranges=Ranges.of(dataset.train or dataset.recordings),
-        digest=digest.hexdigest(),
+        digest=_digest(dataset),
     )
+
+
+def _digest(dataset: Dataset) -> str:
+    """SHA-256 of a data set: data that moved from one part to another, or of which something else is told, differ."""
+    digest = hashlib.sha256(repr((dataset.space, dataset.momenta, dataset.hold, dataset.known)).encode())
+    given = np.zeros(0) if dataset.input_matrix is None else dataset.input_matrix
+    arrays = {"input_matrix": given}
+    for part in ("train", "validation", "test"):
+        for k, recording in enumerate(getattr(dataset, part)):
+            arrays |= {f"{part}/{k}/{name}": getattr(recording, name) for name in ("ts", "q", "rates", "us")}
+    for name, array in arrays.items():
+        digest.update(f"{name} {array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
 
 
 def holds_run(folder: Path) -> bool:

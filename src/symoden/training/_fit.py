@@ -12,9 +12,9 @@ import jax
 import jax.numpy as jnp
 
 from symoden.blocks import ACTUATION, INERTIA, POTENTIAL, count_parameters, trainable
-from symoden.data import Dataset
+from symoden.data import Dataset, check_trainable
 from symoden.mechanics import AbstractDynamics
-from symoden.models import ModelConfig, awaken, build, check_known, save
+from symoden.models import ModelConfig, awaken, build, save
 from symoden.spaces import Space
 
 from ._adam_stage import AdamStage
@@ -25,7 +25,7 @@ from ._flatten import cast, freed
 from ._levenberg_stage import LevenbergStage
 from ._line_up import line_up
 from ._run import MODEL, Journal, Progress, Stopwatch, run
-from ._scales import measure_scales, states
+from ._scales import measure_scales
 from ._stages import AbstractStage
 from ._state import Incumbent, TrainingState
 from ._weighing import Weighing
@@ -103,7 +103,7 @@ def fit(
         TypeError: If `dataset` is something else.
         TrainingError: If no model was found whose mean squared errors are finite and below a thousand times the motion.
         ValueError: If members are wanted and training has no Levenberg-Marquardt.
-        DataError: If every recording is shorter than a window.
+        DataError: If every recording is shorter than a window, nothing moves, or a given part cannot be a mechanism's.
         StorageError: If `folder` cannot be written, or its checkpoint is damaged or of other settings.
 
     Example:
@@ -169,6 +169,7 @@ def fit(
 
 def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
     """Split the recordings, build the model, and line up the stages."""
+    check_trainable(dataset)
     dataset = hold_out(dataset, config)
     fresh = _builder(dataset, model, config)
     dynamics = fresh(0)
@@ -210,8 +211,6 @@ def _rated(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingSta
 def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:
     """What makes untrained models from the number of a draw, networks of V awake or not (see `awaken`)."""
     space = Space.parse(dataset.space)
-    if dataset.known is not None:
-        check_known(dataset.known, space, dataset.inputs, *states(dataset.train, momenta=dataset.momenta))
     scales = None
     if model.scaled:
         scales = measure_scales(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from symoden.data import Trajectory, time_scales
+from symoden.data import Trajectory, states, time_scales
 from symoden.known import KnownParts
 from symoden.models import KnownMagnitudes, Scales, known_magnitudes
 from symoden.spaces import Space
@@ -66,22 +66,6 @@ def measure_scales(
         input=inputs,
         time=time,
     )
-
-
-def states(trajectories: Sequence[Trajectory], *, momenta: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates and velocities of all samples; velocities in momentum data are differences of the coordinates.
-
-    Args:
-        trajectories: Recordings.
-        momenta: Whether the rates are momenta.
-
-    Returns:
-        Coordinates (K, n) and velocities (K, n).
-    """
-    q = np.concatenate([trajectory.q for trajectory in trajectories])
-    if momenta:
-        return q, np.concatenate([np.gradient(trajectory.q, trajectory.ts, axis=0) for trajectory in trajectories])
-    return q, np.concatenate([trajectory.rates for trajectory in trajectories])
 
 
 def time_scale(trajectories: Sequence[Trajectory]) -> float:
