@@ -77,6 +77,7 @@ def test_help_names_every_command_task_and_kind(capsys):
         (["train", "pendulum", "--out", "run", "--sed", "3"], "--seed"),
         (["train", "pendulum", "--out", "run", "--seed", "x"], "Error parsing --seed: must be an integer; got 'x'"),
         (["train", "pendulum", "--out", "run", "--noise", "x"], "Error parsing --noise: must be a number; got 'x'"),
+        (["train", "pendulum", "--out", "run", "--seed", "9" * 20], "--seed: must be at most 4294967295; got 9999999"),
         (["control", "run", "--seed", "0.5"], "Error parsing --seed: must be an integer; got '0.5'"),
         (["evaluate"], "RUN"),
         (["predict", "run", "pendulum"], "--out FILE.npz"),

@@ -72,6 +72,8 @@ def test_bad_descriptions(described, tmp_path, capsys, bad):
     old, new, word = BAD_DESCRIPTIONS[bad]
     described.write_text(described.read_text().replace(old, new))
     assert word in refused(capsys, "train", described, "--out", tmp_path / "run")
+    for command in ("simulate", "pendulum"), ("predict", tmp_path / "run", "pendulum"):
+        assert "`--out` must end in .npz; got" in refused(capsys, *command, "--out", tmp_path / "a.csv")
     assert not (tmp_path / "run").exists()
 
 

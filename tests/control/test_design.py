@@ -28,7 +28,8 @@ from symoden.control import (
     run_episodes,
 )
 from symoden.control._attraction import follower_level
-from symoden.control._design import lowest
+from symoden.control._design import lowest, slow_swing
+from symoden.control._scales import bandwidth
 from symoden.control._search import searched
 from symoden.known import KnownParts
 from symoden.mechanics import AbstractPortHamiltonian
@@ -188,6 +189,16 @@ def test_the_unit_of_momentum_changes_no_input(learned, beta, seed):
         q, v = (jnp.asarray(x) for x in generator.uniform(-1, 1, (2, model.space.size)))
         u, other = make(model)(q, v), make(rescale(model, beta))(q, v)
         np.testing.assert_allclose(u, other, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("system", [PENDULUM, FULL_ACROBOT])
+def test_a_slow_swing_takes_longer_than_the_systems_own(system):
+    target = jnp.asarray([0.0] if system is PENDULUM else [np.pi, 0.0])
+    period = 2 * np.pi / bandwidth(system, target)
+    swing = slow_swing(system, target)
+    at = np.array([swing(jnp.asarray(t * period)) for t in (0.0, 1.0, 1 / 0.63, 2 / 0.63)])
+    np.testing.assert_allclose(at[2:], at[[0, 0]], atol=1e-9)
+    assert np.abs(at[1] - at[0]).max() > 0.1
 
 
 def test_a_compiled_controller_gives_the_same_and_is_quick():

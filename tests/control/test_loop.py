@@ -86,9 +86,12 @@ def test_settings_out_of_range_are_refused():
     for words in ({"period": 0.0}, {"duration": 0.001}, {"step": -1.0}, {"duration": float("nan")}):
         with pytest.raises(ValueError, match="must be positive, the duration at least one period"):
             Loop(**words)
-    for words in ({"noise": -0.1}, {"delay": -0.1}):
-        with pytest.raises(ValueError, match="must be at least 0"):
+    for words in ({"noise": -0.1}, {"noise": 1e300}, {"delay": -0.1}):
+        with pytest.raises(ValueError, match="Noise must be between 0 and 1e\\+06, delay at least 0"):
             Loop(**words)
+    for period in (1e-9, 1e-320):
+        with pytest.raises(ValueError, match="at most 10000000 control periods"):
+            Loop(duration=1.0, period=period)
     with pytest.raises(ValueError, match="`noise` and `drift` must be positive"):
         Observer(PENDULUM, 0.0)
 

@@ -8,55 +8,11 @@ from hypothesis import assume, example, given, settings, strategies as st
 
 from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 
-TEXT = """
-space = "T2"
-time = "t"
-positions = ["q1", "q2"]
-velocities = ["v1", "v2"]
-inputs = ["u1", "u2"]
-{more}
-[train]
-files = [{files}]
-"""
-NAMES = ("t", "q1", "q2", "v1", "v2", "u1", "u2")
-
-
-def arm(seed=0, *, samples=2000, step=0.005, quantum=0.0, noise=0.0, amplitude=1.0, jitter=0.3):
-    """A log of two joints: smooth motions whose velocities are their derivatives, rounded and noisy."""
-    rng = np.random.default_rng(seed)
-    t = np.cumsum(step * rng.uniform(1 - jitter, 1 + jitter, samples))
-    a, w, c = amplitude * rng.uniform(0.5, 1.0, (2, 2)), rng.uniform(1, 6, (2, 2)), rng.uniform(0, 6, (2, 2))
-    phase = w * t[:, None, None] + c
-    q, v = (a * np.sin(phase)).sum(axis=2), (a * w * np.cos(phase)).sum(axis=2)
-    log = np.concatenate([t[:, None], q, v, np.sin(t[:, None] * [7, 5])], axis=1)
-    log[:, 1:5] += noise * rng.normal(size=(samples, 4))
-    return log if not quantum else np.concatenate([log[:, :1], quantum * np.round(log[:, 1:] / quantum)], axis=1)
-
-
-def written(folder, *logs, more=""):
-    names = [f"run{k}.csv" for k in range(len(logs))]
-    for name, log in zip(names, logs, strict=True):
-        np.savetxt(folder / name, log, delimiter=",", header=",".join(NAMES), comments="", fmt="%.15g")
-    path = folder / "arm.toml"
-    path.write_text(TEXT.format(more=more, files=", ".join(f'"{name}"' for name in names)))
-    return path
-
-
-def found(path):
-    """Findings that are more than facts: (kind, level, channel)."""
-    check = check_dataset(path)
-    every = [*check.findings, *(finding for each in check.recordings for finding in each.findings)]
-    return [(one.kind, one.level, one.channel) for one in every if one.level != "note"]
+from .conftest import NAMES, arm, found, scale, written
 
 
 def stick(log, column, start, stop):
     log[start:stop, NAMES.index(column)] = log[start, NAMES.index(column)]
-    return log
-
-
-def scale(log, **factors):
-    for name, factor in factors.items():
-        log[:, NAMES.index(name)] *= factor
     return log
 
 
@@ -255,32 +211,6 @@ def test_missing_numbers_and_gaps_are_masked(tmp_path):
     assert check.gaps[0] == pytest.approx((log[499, 0], log[600, 0]))
 
 
-@pytest.mark.parametrize("column", NAMES)
-@pytest.mark.parametrize("number", [1e300, -2e20])
-def test_a_number_that_no_machine_has_is_named_and_left_out(tmp_path, column, number):
-    log = arm(samples=500)
-    log[300, NAMES.index(column)] = number
-    path = written(tmp_path, log, more="units = {q1 = 1.0}")
-    assert found(path) == [("impossible", "masked", column)]
-    (check,) = check_dataset(path).recordings
-    assert f"`{column}` has 1 number beyond 1e+20, first at line 302 (row 300): {number:g}" in check.findings[0].text
-    assert check.duration == pytest.approx(np.ptp(np.delete(log[:, 0], 300)))
-    with pytest.warns(
-        DataWarning, match=f"left out in `run0`: 1 row with a number beyond 1e\\+20 in `{column}` .first at line 302"
-    ):
-        (recording,) = read_dataset(path).train
-    assert len(recording) == 499
-
-
-def test_a_number_that_its_unit_makes_infinite_is_impossible(tmp_path):
-    log = arm(samples=500)
-    log[300, 5] = 1e308
-    path = written(tmp_path, log, more="units = {u1 = 1e3}")
-    assert "`u1` has 1 number beyond 1e+20, first at line 302 (row 300): inf" in (
-        check_dataset(path).recordings[0].findings[0].text
-    )
-
-
 @pytest.mark.parametrize("turns", [1, 3])
 def test_a_spike_of_a_length_is_no_wrap_of_an_angle(tmp_path, turns):
     log = arm(samples=500)
@@ -339,11 +269,11 @@ def test_what_never_moves_cannot_be_learned(tmp_path):
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.5])
-def test_a_log_of_constants_has_one_finding(tmp_path, rate):
+def test_a_log_of_constants_is_refused_and_why_is_said_once(tmp_path, rate):
     log = np.repeat(arm(samples=500, jitter=0.0)[:1], 500, axis=0)
     log[:, 0], log[:, 3:5] = 0.01 * np.arange(500), rate
     path = written(tmp_path, log)
-    assert found(path) == [("idle", "warning", "")]
+    assert found(path) == [("refused", "refused", ""), ("idle", "warning", "")]
     assert len(check_dataset(path).recordings[0].findings) == 1
     with pytest.warns(DataWarning, match="perhaps wrong in `run0`: nothing moves"):
         read_dataset(path)

@@ -92,6 +92,8 @@ BAD = [
     (with_top('momenta = ["q"]'), "got `q` in `momenta`, and `q` in `positions`"),
     (with_top('velocities = ["t"]'), "got `t` in `velocities`, and `t` in `time`"),
     (with_top('inputs = ["q[1]"]').replace('["q"]', '"q"'), r"got `q\[1\]` in `inputs`, and `q` in `positions`"),
+    (with_top('recording = "u"\ninputs = ["u"]'), "got `u` in `recording`, and `u` in `inputs`. Name each column once"),
+    (with_top(f"resample = 1{'0' * 400}"), "`resample` must be a positive number of seconds"),
     (with_top("input_matrix = [1, 2]"), "`input_matrix` must be a list of rows of numbers"),
     (with_top("input_matrix = [[1, 2], [3]]"), "`input_matrix` must be rows of equal length"),
     (with_top("initial_samples = 0"), "`initial_samples` must be a whole number, at least 1; got 0"),

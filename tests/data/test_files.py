@@ -69,6 +69,12 @@ def test_the_error_lists_where_it_looked(home, monkeypatch):
         assert f"`{home / folder}`" in str(caught.value)
 
 
+@pytest.mark.parametrize("pattern", [".", "./"])
+def test_a_folder_is_no_pattern(home, pattern):
+    with pytest.raises(DataError, match=r"`files` must be names or patterns|no file matches"):
+        find_files([pattern], home / "project" / "examples" / "arm.toml")
+
+
 def test_a_pattern_that_is_none_is_refused(home):
     with pytest.raises(DataError, match=r"`files` must be names or patterns; got 'a\*\*\*/b'|no file matches"):
         find_files(["a***/b"], home / "arm.toml")

@@ -198,3 +198,16 @@ def test_the_identification_part_of_the_multiarm_files_is_the_files_own(shared_d
         dataset = read_dataset(EXAMPLES / f"multiarm-{name}.toml")
         assert dataset.test[0].ts[0] == file["t"][int(file["n_id"])]
         assert dataset.train[-1].ts[-1] <= file["t"][int(file["n_id"]) - 1]
+
+
+def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
+    for k, folder in enumerate(("x/monday", "y/monday", "x/tuesday")):
+        (tmp_path / folder).mkdir(parents=True)
+        write_run(tmp_path / folder / "run.csv", seed=k)
+    write_run(tmp_path / "x" / "other.csv", seed=4)
+    write_run(tmp_path / "run.csv", seed=5)
+    text = HEAD + '[train]\nfiles = ["?/**/*.csv"]\n[test]\nfiles = ["run.csv"]\n'
+    dataset = read_dataset(described(tmp_path, text))
+    names = ["x-monday-run", "other", "tuesday-run", "y-monday-run"]
+    assert sorted(each.name for each in dataset.train) == sorted(names)
+    assert [each.name for each in dataset.test] == ["run"]  # Parts are told apart anyway.

@@ -235,7 +235,7 @@ BAD = [
     ("a;b\n1000,010751;2.5\n", r"got '1000,010751'\. Decimal commas are read where .* no number has a point"),
     ("a;b\n7;2\n1,250;3\n", r"row 1\): must be a number or empty; got '1,250'\. Decimal commas"),  # Thousands?
     ("a,b\n1,2\n1,2,3", r"a cell for each of the 2 columns; got 3 in line 3 \(row 1\): '1,2,3'"),
-    ("a,b\n0,5,1,5\n", r"got 4 in line 2 \(row 0\): '0,5,1,5'\. Where commas are decimal marks, cells must be sep"),
+    ("a,b\n0,5,1,5\n", r"got 4 in line 2 \(row 0\): '0,5,1,5'\. Where commas are decimal marks, semicolons or"),
     ("a;b\n1;2\n1;2;;3;", r"got 5 in line 3 \(row 1\): '1;2;;3;'\.$"),
     ('a,b\n1,"2\n1,2', "must be a table of text; reading stopped at"),
     ("a,b,a\n1,2,3", "column `a` must be there once; got it twice"),

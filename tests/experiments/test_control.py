@@ -25,6 +25,11 @@ def test_the_inputs_of_the_logs_are_the_limits():
     assert (machine.max_input, machine.target, machine.system) == ((6.0,), (1.5,), MODEL)
 
 
+def test_episodes_that_no_memory_holds_are_refused():
+    with pytest.raises(ValueError, match="at most 10000000 control periods; got 100 of 200000"):
+        ControlConfig(loop=Loop(duration=2.0, period=1e-5))
+
+
 def test_each_stand_in_has_its_share_of_the_episodes():
     result = try_control(MODEL, learned_machine(MODEL, [np.pi], RANGES), CONFIG, plants=OTHERS)
     q0, v0 = initial_states(result.machine, result.method, 5, 0)

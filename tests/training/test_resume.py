@@ -1,6 +1,7 @@
 """A run that is stopped, or killed, and resumed ends with the weights of an uninterrupted one, bit for bit."""
 
 import dataclasses
+import functools
 import os
 import signal
 import subprocess
@@ -73,6 +74,18 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(pendulum, sm
     lines = [len((tmp_path / run / "metrics.jsonl").read_text().splitlines()) for run in ("whole", "parts")]
     assert lines[0] == lines[1]
     assert whitened
+
+
+@pytest.mark.parametrize("text", ["no json\n", '{"step": 1}\n', "3\n"])
+def test_damaged_metrics_are_named(pendulum, small, quick, tmp_path, text):
+    config = dataclasses.replace(quick, adam_steps=5, lm_steps=0)
+    run = functools.partial(fit, pendulum(count=4), model=small, config=config, folder=tmp_path)
+    run()
+    (tmp_path / "metrics.jsonl").write_text(text)
+    with pytest.raises(StorageError, match=r"metrics.jsonl` must have one JSON object a line; .* Remove it"):
+        run(resume=True)
+    (tmp_path / "metrics.jsonl").unlink()
+    assert run(resume=True).completed
 
 
 def test_what_time_ran_out_for_is_judged_as_cut_short(pendulum, small, quick, tmp_path, in_strides):

@@ -9,7 +9,7 @@ from ._figure import check_figure, save_figure
 from ._learned import Learned
 from ._output import print_json, print_table
 from ._tables import facts, tables
-from ._words import audit_as_json, audit_words, certainty_words, training_words
+from ._words import audit_as_json, audit_words, certainty_words, name_unfinished, training_words
 
 
 def run(command: Inspect) -> None:
@@ -20,6 +20,7 @@ def run(command: Inspect) -> None:
     """
     check_figure(command.figure)
     learned = Learned.of(command.run)
+    name_unfinished(learned.config)
     found, certain = learned.inspect()
     split, audited = learned.audit()
     if command.figure is not None:

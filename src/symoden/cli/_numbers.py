@@ -1,8 +1,11 @@
 """How numbers of the command line are read, so that what is none is refused in plain words."""
 
-from typing import Any
+from typing import Any, Final
 
 from tyro.constructors import ConstructorRegistry, PrimitiveConstructorSpec, PrimitiveTypeInfo
+
+_LARGEST: Final = 2**32 - 1
+"""Integer of which every generator of random numbers can be made."""
 
 
 def number_rules() -> ConstructorRegistry:
@@ -26,9 +29,12 @@ def _rule(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec[Any] | None:
 
     def read(texts: list[str]) -> int | float:
         try:
-            return kind(texts[0])
+            found = kind(texts[0])
         except ValueError:
             raise ValueError(f"must be {words}; got {texts[0]!r}") from None
+        if isinstance(found, int) and abs(found) > _LARGEST:
+            raise ValueError(f"must be at most {_LARGEST}; got {texts[0]}")
+        return found
 
     return PrimitiveConstructorSpec(
         nargs=1,

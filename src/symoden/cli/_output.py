@@ -98,6 +98,19 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - JSON
     return value
 
 
+def check_npz(path: Path) -> None:
+    """Refuse a file of results that could be one of something else, before anything takes time.
+
+    Args:
+        path: The file.
+
+    Raises:
+        ValueError: If its name ends otherwise.
+    """
+    if path.suffix.lower() != ".npz":
+        raise ValueError(f"`--out` must end in .npz; got `{path}`.")
+
+
 def save_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write an NPZ file whole or not at all.
 

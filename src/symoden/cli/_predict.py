@@ -9,7 +9,7 @@ from symoden.experiments import evaluation_solver, predict, read_model, read_run
 from symoden.spaces import Space
 
 from ._arguments import Predict
-from ._output import print_json, save_npz
+from ._output import check_npz, print_json, save_npz
 from ._words import name_unfinished
 
 _COLUMNS: Final = ("ts", "q", "rates", "u", "q_predicted", "rates_predicted")
@@ -22,6 +22,7 @@ def run(command: Predict) -> None:
     Args:
         command: What to do.
     """
+    check_npz(command.out)
     config = read_run(command.run)
     model = read_model(command.run)
     name_unfinished(config)

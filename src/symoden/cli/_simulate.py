@@ -5,7 +5,7 @@ import numpy as np
 from symoden.experiments import simulate, task
 
 from ._arguments import Simulate
-from ._output import print_json, save_npz
+from ._output import check_npz, print_json, save_npz
 
 
 def run(command: Simulate) -> None:
@@ -17,6 +17,7 @@ def run(command: Simulate) -> None:
     Raises:
         ValueError: If a setting is out of range.
     """
+    check_npz(command.out)
     chosen = task(command.task)
     if command.seed < 0:
         raise ValueError(f"`--seed` must be at least 0; got {command.seed}.")

@@ -52,7 +52,10 @@ def name_unfinished(config: RunConfig) -> None:
         config: Settings of the run, and what came of them.
     """
     if config.trained is not None and not config.trained.completed:
-        print(f"warning: not all of training is done: {config.trained.outcome}.", file=sys.stderr)
+        print(
+            f"warning: not all of training is done: {config.trained.outcome}. Until it is, bands may be too narrow.",
+            file=sys.stderr,
+        )
 
 
 def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
@@ -79,9 +82,8 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
             f"± is half of a {certain.level:.0%} band, from {models}, each trained on {certain.windows} windows drawn "
             "with replacement"
         )
-    yield "typical: " + ", ".join(
-        f"{name} ± {_percent(value)}" for name, value in certain.relative.items() if value > _NONE
-    )
+    if typical := [f"{name} ± {_percent(value)}" for name, value in certain.relative.items() if value > _NONE]:
+        yield f"typical: {', '.join(typical)}"
     if certain.common_factor is not None and _is_common(certain):
         yield (
             f"mostly a common factor of M, V and D, which inputs tell: ± {_percent(certain.common_factor)}; were it "

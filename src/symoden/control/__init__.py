@@ -25,6 +25,7 @@ from ._ida_pbc import IdaPbc as IdaPbc, Matching as Matching
 from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
 from ._lagrangian import ControlledLagrangian as ControlledLagrangian
 from ._loop import (
+    MOST_PERIODS as MOST_PERIODS,
     Episode as Episode,
     Loop as Loop,
     close_loop as close_loop,
@@ -42,6 +43,7 @@ from ._tracking import Reference as Reference, Tracking as Tracking
 
 __all__ = [
     "METHODS",
+    "MOST_PERIODS",
     "AbstractController",
     "CollocatedPump",
     "Compiled",

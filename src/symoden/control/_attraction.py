@@ -73,9 +73,13 @@ def follower_level(dynamics: AbstractDynamics, controller: Handover, *, period: 
 
     Returns:
         The level, at least the least one tried.
+
+    Raises:
+        TypeError: If the controller is of another kind.
     """
     follower = controller.far
-    assert isinstance(follower, Follower)
+    if not isinstance(follower, Follower):
+        raise TypeError(f"States are drawn along the path of a `Follower`; got {type(follower).__name__}.")
     generator = np.random.default_rng(seed)
     x, P = np.asarray(follower.x), np.asarray(follower.cost)
     at = generator.integers(len(x), size=_DIRECTIONS)

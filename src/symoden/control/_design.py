@@ -39,6 +39,7 @@ _STARTS: Final = 16
 _PERIOD: Final = 0.01
 _CYCLIC: Final = 0.02
 _NEWTON: Final = 5
+_LEISURE: Final = 0.63  # Of the system's own rate [rad/s].
 _FLAT: Final = 1e-2  # Curvature, relative to the largest.
 _FLAT_WORK: Final = 1e-3  # Range of V, relative to what the inputs do along 1 rad.
 
@@ -125,7 +126,7 @@ def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = N
 
 
 def slow_swing(model: AbstractPortHamiltonian, target: Coordinates) -> Reference:
-    """Reference that swings about a configuration by half a radian or metre, ten times slower than the system.
+    """Reference that swings about a configuration by half a radian or metre, more slowly than the system would.
 
     Args:
         model: System or model.
@@ -134,11 +135,11 @@ def slow_swing(model: AbstractPortHamiltonian, target: Coordinates) -> Reference
     Returns:
         q_d(t).
     """
-    omega = 0.1 * bandwidth(model, target)
+    omega = _LEISURE * bandwidth(model, target)
     lag = jnp.arange(model.space.size, dtype=target.dtype)
 
     def reference(t: Scalar) -> Coordinates:
-        return target + 0.5 * jnp.sin(2 * jnp.pi * omega * t + lag)
+        return target + 0.5 * jnp.sin(omega * t + lag)
 
     return reference
 

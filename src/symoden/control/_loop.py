@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,6 +19,9 @@ from ._controller import AbstractController
 from ._motion import rates_of, velocities_of
 from ._observer import Observer
 
+MOST_PERIODS: Final = 10**7
+"""Most control periods in which states are kept."""
+_LOUDEST: Final = 1e6
 _STEP = 0.005
 _ROUNDING = 1e-9
 
@@ -45,7 +48,8 @@ class Loop:
         """Refuse what cannot be simulated.
 
         Raises:
-            ValueError: If a time is not positive, the episode is shorter than a period, or noise or delay is negative.
+            ValueError: If a time is not positive, the episode is shorter than a period or has too many, noise or delay
+                is negative, or noise is huge.
         """
         values = (self.duration, self.period, self.noise, self.delay, self.step)
         if not all(map(math.isfinite, values)) or min(self.period, self.step) <= 0 or self.duration < self.period:
@@ -53,8 +57,14 @@ class Loop:
                 "Duration, period and step must be positive, the duration at least one period; got "
                 f"{self.duration}, {self.period} and {self.step} s."
             )
-        if self.noise < 0 or self.delay < 0:
-            raise ValueError(f"Noise and delay must be at least 0; got {self.noise} and {self.delay}.")
+        if self.duration / self.period > MOST_PERIODS:
+            raise ValueError(
+                f"An episode must have at most {MOST_PERIODS} control periods; got {self.duration / self.period:.3g}."
+            )
+        if not 0 <= self.noise <= _LOUDEST or self.delay < 0:
+            raise ValueError(
+                f"Noise must be between 0 and {_LOUDEST:g}, delay at least 0; got {self.noise} and {self.delay}."
+            )
 
     @property
     def samples(self) -> int:

@@ -45,11 +45,15 @@ def searched(
 
     Returns:
         The controller with the best gains that were seen.
+
+    Raises:
+        TypeError: If the controller is of another kind.
     """
     loop = Loop(duration=12.0, period=0.01, step=0.01) if loop is None else loop
     generator = np.random.default_rng(seed)
     pump = controller.far
-    assert isinstance(pump, CollocatedPump)
+    if not isinstance(pump, CollocatedPump):
+        raise TypeError(f"Gains are searched of a `CollocatedPump`; got {type(pump).__name__}.")
     best = mean = np.log(np.asarray(pump.gains))
     best_score, spread = np.inf, np.full(mean.shape, _SPREAD)
     for _ in range(rounds):

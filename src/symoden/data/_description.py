@@ -228,11 +228,19 @@ def _refuse_two_meanings(path: Path, description: Description) -> None:
         for name, again in itertools.product(names_in({role: selector}), names_in({other: others})):
             whole = selector == variable_of(again) or others == variable_of(name)  # The variable, and one column of it.
             if name == again or whole:
-                keys = [_key(each, description) for each in (role, other)]
-                raise DataError(
-                    f"`{path}`: a column must have one meaning; got `{again}` in `{keys[1]}`, and `{name}` in "
-                    f"`{keys[0]}`. Name each column once."
-                )
+                raise _two_meanings(path, (again, _key(other, description)), (name, _key(role, description)))
+    for role, selector in description.selectors.items():
+        if description.recording in names_in({role: selector}):
+            name = str(description.recording)
+            raise _two_meanings(path, (name, "recording"), (name, _key(role, description)))
+
+
+def _two_meanings(path: Path, one: tuple[str, str], other: tuple[str, str]) -> DataError:
+    """The error of a column that is named under two keys, each with its name there."""
+    return DataError(
+        f"`{path}`: a column must have one meaning; got `{one[0]}` in `{one[1]}`, and `{other[0]}` in `{other[1]}`. "
+        "Name each column once."
+    )
 
 
 def _key(role: str, description: Description) -> str:

@@ -77,5 +77,5 @@ def _globbed(folder: Path, pattern: str, description: Path) -> list[Path]:
     """Files in a folder that a pattern matches, sorted."""
     try:
         return sorted(path for path in folder.glob(pattern) if path.is_file())
-    except ValueError as error:
+    except (ValueError, IndexError, AttributeError) as error:  # The latter two of "." and "./".
         raise DataError(f"`{description}`: `files` must be names or patterns; got {pattern!r}: {error}.") from error

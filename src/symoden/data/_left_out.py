@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ._findings import SHOWN_SPANS, Finding
-from ._limits import LARGEST_NUMBER
 from ._logs import Log
 from ._masking import Mask
 from ._tables import find_short_lines, is_text
@@ -113,15 +112,17 @@ def find_absent(log: Log) -> list[Finding]:
 
 
 def _impossible(log: Log) -> list[Finding]:
-    """Numbers that are too large for any machine."""
+    """Numbers that no machine has."""
     return [
         Finding(
             kind="impossible",
             level="masked",
             channel=each.channel,
-            text=f"`{each.channel}` has {len(each.rows)} number{'s' if len(each.rows) > 1 else ''} beyond "
-            f"{LARGEST_NUMBER:g}, first at {each.place}: {each.first:g}",
-            advice="No machine has such numbers; these rows are left out. Look for a logger that writes one where it "
+            text=f"`{each.channel}` has {each.counted}, first at {each.place}: {each.first:.10g}",
+            advice="All other numbers are a tenth of it at most; these rows are left out. If it was measured, convert "
+            "the file to another unit."
+            if each.placeholder
+            else "No machine has such numbers; these rows are left out. Look for a logger that writes one where it "
             "has none, or for a damaged file.",
             spans=tuple(_time_of(log, int(row), int(row)) for row in each.rows[:SHOWN_SPANS]),
         )

@@ -12,28 +12,11 @@ import numpy as np
 
 from ._description import Description, Part, angles_of
 from ._errors import DataError
-from ._limits import LARGEST_NUMBER
+from ._impossible import Impossible, without_impossible
 from ._parts import read_parts
 from ._readers import Rows, suffix_of
 from ._tables import place
 from ._units import of_column, split_unit
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Impossible:
-    """Numbers of one column that are too large for any machine.
-
-    Attributes:
-        channel: Name of the column.
-        rows: Their rows of the log.
-        first: The first of them, in SI or rad.
-        place: Where that one is in the file.
-    """
-
-    channel: str
-    rows: np.ndarray
-    first: float
-    place: str
 
 
 class Left(NamedTuple):
@@ -110,7 +93,7 @@ class Log:
         us: Inputs (T, m).
         names: Names of the columns by role: "time", "positions", "rates", "inputs".
         units: SI units of these columns, by role, empty where neither the description nor the space tells one.
-        impossible: Numbers that are too large for any machine, of each column that has any.
+        impossible: Numbers that no machine has, of each column that has any.
         merged: That the table had several clocks, if so.
         arrivals: That its time stamps were found to be those of arrival, if so.
     """
@@ -272,7 +255,7 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
             + f". {'Correct `rows`, or leave' if chosen else 'Leave'} it out"
             + (": name the others by `recordings`." if rows.label else ".")
         )
-    rows, impossible = _without_impossible(rows)
+    rows, impossible = without_impossible(rows, description.units)
     q, rates = rows.signals["positions"], rows.signals.get("rates")
     _refuse_other_size(rows.path, description.space, is_angle, q.shape[1])
     if rates is not None and rates.shape != q.shape:
@@ -306,18 +289,6 @@ def _si_units(rows: Rows, description: Description, is_angle: np.ndarray) -> dic
             for unit, of_position in zip(units["rates"], units["positions"], strict=True)
         ]
     return {role: tuple(every) for role, every in units.items()}
-
-
-def _without_impossible(rows: Rows) -> tuple[Rows, tuple[Impossible, ...]]:
-    """The rows with NaN for every number that is too large for any machine, and these numbers."""
-    found = [
-        Impossible(channel=name, rows=at, first=float(column[at[0]]), place=place(rows.path, int(rows.index[at[0]])))
-        for role, signal in rows.signals.items()
-        for name, column in zip(rows.names[role], signal.T, strict=True)
-        if len(at := np.flatnonzero(np.abs(column) > LARGEST_NUMBER))
-    ]
-    kept = {role: np.where(np.abs(signal) > LARGEST_NUMBER, np.nan, signal) for role, signal in rows.signals.items()}
-    return dataclasses.replace(rows, signals=kept), tuple(found)
 
 
 def _times(rows: Rows, description: Description) -> np.ndarray:

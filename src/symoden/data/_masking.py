@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from ._blind import BlindRows
-from ._limits import LARGEST_NUMBER
-from ._logs import Impossible, Log
+from ._impossible import Impossible
+from ._logs import Log
 from ._signals import longest_step
 from ._spikes import Spikes, rows_of
 from ._stuck import StuckRows
@@ -25,7 +25,7 @@ class Mask:
         pieces: Rows of each piece between gaps, every row of a piece being complete; at least one piece.
         dropped: Samples of each piece that is too short to be used.
         missing: Number of rows left out because a number is missing.
-        impossible: Numbers too large for any machine, whose rows are left out.
+        impossible: Numbers that no machine has, whose rows are left out.
         spikes: Samples that stand out alone, whose rows are left out.
         blind: Dead spots of sensors, and the rows in each, which are left out.
         stuck: Positions that stand still while their velocities do not, whose rows are left out.
@@ -58,9 +58,10 @@ class Mask:
         what = []
         if self.missing:
             what.append(f"{_rows(self.missing)} without all numbers")
-        if impossible := len(rows_of(self.impossible)):
-            columns = ", ".join(f"`{each.channel}` (first at {each.place})" for each in self.impossible)
-            what.append(f"{_rows(impossible)} with a number beyond {LARGEST_NUMBER:g} in {columns}")
+        for kind in dict.fromkeys(each.kind for each in self.impossible):
+            every = [each for each in self.impossible if each.kind == kind]
+            columns = ", ".join(f"`{each.channel}` (first at {each.place})" for each in every)
+            what.append(f"{_rows(len(rows_of(every)))} with {kind} in {columns}")
         if spikes := len(rows_of(self.spikes)):
             what.append(f"{_rows(spikes)} with samples that stand out alone")
         for spot, rows in self.blind:

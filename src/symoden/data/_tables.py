@@ -104,23 +104,23 @@ def read_csv(path: Path) -> pl.DataFrame:
 
 def _without_surplus(path: Path, body: str, layout: Layout, separator: str) -> str:
     """The rows of a table without the empty cells at the end of lines that have more cells than there are columns."""
-    lines, named = body.split("\n"), len(layout.names)
-    for row, line in enumerate(lines):
+    named = len(layout.names)
+
+    def trimmed(row: int, line: str) -> str:
         cells = _cells(line, separator)
-        if len(cells) > named and any(cells[named:]):
-            commas = (
-                " Where commas are decimal marks, cells must be separated by semicolons or tabs."
-                if separator == ","
-                else ""
-            )
+        if any(cells[named:]):
             raise DataError(
                 f"`{path}`: every line must have a cell for each of the {named} columns; got {len(cells)} in line "
-                f"{layout.line + row} (row {row}): {line.strip()[:_QUOTED]!r}.{commas}"
+                f"{layout.line + row} (row {row}): {line.strip()[:_QUOTED]!r}."
+                + (
+                    " Where commas are decimal marks, semicolons or tabs must separate cells."
+                    if separator == ","
+                    else ""
+                )
             )
-        for _ in cells[named:]:
-            line = line.rstrip(" \r").removesuffix(separator)
-        lines[row] = line
-    return "\n".join(lines)
+        return functools.reduce(lambda text, _: text.rstrip(" \r").removesuffix(separator), cells[named:], line)
+
+    return "\n".join(itertools.starmap(trimmed, enumerate(body.split("\n"))))
 
 
 def find_layout(text: str) -> Layout:

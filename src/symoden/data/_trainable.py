@@ -4,8 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from symoden.models import check_known
-from symoden.spaces import Space
 
 from ._dataset import Dataset
 from ._errors import DataError
@@ -35,6 +33,9 @@ def check_trainable(dataset: Dataset) -> None:
             )
     if dataset.known is None:
         return
+    from symoden.models import check_known  # And JAX with it, which reading alone does without.
+    from symoden.spaces import Space
+
     q, v = states(dataset.train, momenta=dataset.momenta)
     try:
         check_known(dataset.known, Space.parse(dataset.space), dataset.inputs, q, v)

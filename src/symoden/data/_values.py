@@ -1,6 +1,6 @@
 """Values of a description's keys, each of which must be fit by itself."""
 
-import math
+import sys
 from collections.abc import Callable
 from typing import Final, NoReturn, TypeAlias
 
@@ -60,8 +60,8 @@ def _inputs(value: object) -> Selector:
 
 
 def _is_number(value: object) -> bool:
-    """Whether a value is a finite number; true and false are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """Whether a value is a finite number; true and false are none, nor is an integer that no float can be."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _flag(value: object) -> bool:

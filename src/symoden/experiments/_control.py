@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from symoden.control import (
+    MOST_PERIODS,
     AbstractController,
     Compiled,
     Episode,
@@ -90,10 +91,16 @@ class ControlConfig:
         """Refuse numbers out of range.
 
         Raises:
-            ValueError: If there is no episode, the seed is negative, or the largest input is not positive.
+            ValueError: If there is no episode, the seed is negative, the largest input is not positive, or all episodes
+                together are too long.
         """
         if self.episodes < 1 or self.seed < 0:
             raise ValueError(f"Episodes must be at least 1 and the seed 0; got {self.episodes} and {self.seed}.")
+        if self.episodes * self.loop.samples > MOST_PERIODS:
+            raise ValueError(
+                f"All episodes together must have at most {MOST_PERIODS} control periods; got {self.episodes} of "
+                f"{self.loop.samples}."
+            )
         if self.max_input is not None and not np.all(np.asarray(self.max_input) > 0):
             raise ValueError(f"The largest input must be positive; got {self.max_input}.")
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 import numpy as np
+
 from symoden.data import Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
@@ -368,7 +369,7 @@ def train_run(
                 max_minutes=max_minutes,
                 progress=progress,
             )
-        except ValueError:
+        except Exception:
             if fresh and [path.name for path in folder.iterdir()] == ["config.json"]:
                 (folder / "config.json").unlink()  # Nothing was begun: the folder is free for corrected data.
                 folder.rmdir()

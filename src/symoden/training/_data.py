@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import scipy.stats
 from jax.typing import DTypeLike
 from jaxtyping import Float
 
@@ -87,6 +88,9 @@ class Data(NamedTuple):
         of Breiman et al., 1984). But the losses of a few windows differ by more than their mean, so that their standard
         error says little: what is tenfold in the mean, and in three of four windows, of three or more, is no chance.
 
+        Of two windows the standard error itself is hardly known: their differences may be alike by chance. So many
+        standard errors are Student's, and are given as the normal deviate that is as unlikely.
+
         Returns:
             Mean of the differences, window against window, relative to its standard error; infinite if it is tenfold.
         """
@@ -106,7 +110,14 @@ class Data(NamedTuple):
         if len(here) == 1:
             return 0.0
         mean, error = float(np.mean(here - there)), float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
-        return mean / max(error, _LEAST_ERROR * abs(mean), float(np.finfo(float).tiny))
+        return _normal_deviate(mean / max(error, _LEAST_ERROR * abs(mean), float(np.finfo(float).tiny)), len(here) - 1)
+
+
+def _normal_deviate(student: float, degrees: int) -> float:
+    """The normal deviate that is exceeded as seldom as one of Student's."""
+    size = abs(student)
+    normal = float(scipy.stats.norm.isf(scipy.stats.t.sf(size, degrees)))
+    return math.copysign(min(size, normal), student)  # Where neither is ever exceeded: the first.
 
 
 def _is_far_below(losses: Float[np.ndarray, " W"], others: Float[np.ndarray, " W"]) -> bool:

@@ -324,7 +324,7 @@ class LevenbergStage(AbstractStage):
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
         gain, why = self.data.gain(state.best, state.best_loss, state.incumbent.model, objective)
-        why = why if math.isinf(gain) else f"{why}, more than {self.margin:+.0f} wanted"
+        why = why if math.isinf(gain) else f"{why}, more than {self.margin:+.3g} wanted"
         if gain > self.margin:
             return state, f"kept ({why})"
         return self._undone(state), f"not kept ({why})"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from symoden.storage import write_atomically
+from symoden.storage import StorageError, write_atomically
 
 from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
 from ._stages import AbstractStage
@@ -124,8 +124,20 @@ class Journal:
         stage, seconds = read_progress(self.checkpoint)
         like = stages[min(stage, len(stages) - 1)].start(state)
         state = load_checkpoint(self.checkpoint, like)
-        lines = self.metrics.read_text().splitlines() if self.metrics is not None and self.metrics.exists() else []
-        return state, [line for line in map(json.loads, lines) if line["seconds"] <= seconds], seconds
+        return state, self._lines(seconds), seconds
+
+    def _lines(self, seconds: float) -> list[dict]:
+        """The metrics up to a time."""
+        if self.metrics is None or not self.metrics.exists():
+            return []
+        try:
+            lines = [json.loads(line) for line in self.metrics.read_text().splitlines()]
+            return [line for line in lines if line["seconds"] <= seconds]
+        except (ValueError, KeyError, TypeError) as error:
+            raise StorageError(
+                f"`{self.metrics}` must have one JSON object a line; it is damaged: {error}. Remove it: training goes "
+                "on from its checkpoint without it."
+            ) from None
 
     def write(self, state: TrainingState, lines: Sequence[dict], *, seconds: float) -> None:
         """Save the metrics, then the state that they lead to.

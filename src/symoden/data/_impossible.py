@@ -1,0 +1,93 @@
+"""Numbers that no machine has: too large ones, and those that loggers write where they have none."""
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from ._limits import LARGEST_NUMBER
+from ._readers import Rows
+from ._tables import place
+
+_NINES: Final = tuple(10.0**k - 1 for k in range(3, 10))
+_FULL: Final = tuple(2.0**k - 1 for k in (15, 16, 31, 32, 63, 64))  # Of counters; below zero they reach one further.
+_PLACEHOLDERS: Final = np.array([*_NINES, *(-x for x in _NINES), *_FULL, *(-x - 1 for x in _FULL)])
+_ROUNDED: Final = 1e-7  # What a unit's factor and single precision leave of a number, relative to it.
+_APART: Final = 10.0  # Times the largest of the other numbers.
+_RARE: Final = 0.5  # Share of the samples.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Impossible:
+    """Numbers of one column that no machine has.
+
+    Attributes:
+        channel: Name of the column.
+        rows: Their rows of the log.
+        first: The first of them, in SI or rad; a placeholder as the file has it.
+        place: Where that one is in the file.
+        placeholder: Whether they stand for missing numbers, rather than being too large for any machine.
+    """
+
+    channel: str
+    rows: np.ndarray
+    first: float
+    place: str
+    placeholder: bool = False
+
+    @property
+    def kind(self) -> str:
+        """What each is, in words."""
+        return "a placeholder for a missing number" if self.placeholder else f"a number beyond {LARGEST_NUMBER:g}"
+
+    @property
+    def counted(self) -> str:
+        """How many there are, in words."""
+        several = "s" if len(self.rows) > 1 else ""
+        what = (
+            f"placeholder{several} for missing numbers"
+            if self.placeholder
+            else f"number{several} beyond {LARGEST_NUMBER:g}"
+        )
+        return f"{len(self.rows)} {what}"
+
+
+def without_impossible(rows: Rows, units: Mapping[str, float]) -> tuple[Rows, tuple[Impossible, ...]]:
+    """Put NaN for every number that no machine has.
+
+    Args:
+        rows: Rows of a file, in SI and rad.
+        units: What their columns were multiplied by for that, where it is not 1.
+
+    Returns:
+        The rows, and these numbers.
+    """
+    kept = {role: signal.copy() for role, signal in rows.signals.items()}
+    found = []
+    for role, signal in kept.items():
+        for name, column in zip(rows.names[role], signal.T, strict=True):
+            huge = np.flatnonzero(np.abs(column) > LARGEST_NUMBER)
+            for at, value in (
+                *([(huge, column[huge[0]])] if len(huge) else []),
+                *(() if role == "time" else _placeholders(column, units.get(name, 1.0))),
+            ):
+                where = place(rows.path, int(rows.index[at[0]]))
+                of = Impossible(channel=name, rows=at, first=float(value), place=where, placeholder=at is not huge)
+                found.append(of)
+                column[at] = np.nan
+    return dataclasses.replace(rows, signals=kept), tuple(found)
+
+
+def _placeholders(column: np.ndarray, factor: float) -> Iterator[tuple[np.ndarray, float]]:
+    """Rows and value of those numbers that loggers write for missing ones, and that are far from all others."""
+    there = np.flatnonzero(np.abs(column) <= LARGEST_NUMBER)
+    raw = column[there] / factor
+    largest = np.abs(raw).max(initial=0.0)
+    for value in _PLACEHOLDERS[np.abs(_PLACEHOLDERS) <= largest * (1 + _ROUNDED)]:
+        same = np.abs(raw - value) <= _ROUNDED * abs(value)
+        others = raw[~same]
+        # A command that is on or off has two values, none of them missing.
+        if same.any() and same.mean() < _RARE and np.ptp(others) > 0 and np.abs(others).max() < abs(value) / _APART:
+            yield there[same], float(value)
