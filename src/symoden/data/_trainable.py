@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-
 from ._dataset import Dataset
 from ._errors import DataError
 from ._trajectory import Trajectory

@@ -23,9 +23,7 @@ from ._stages import AbstractStage
 
 _MANY: Final = 3  # Coordinates.
 _CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
-_CLEAR: Final = (
-    1.64  # One time in twenty; for what few machines have, or is asked last: ask often, and chance says yes.
-)
+_CLEAR: Final = 1.64  # Once in twenty; for what few machines have, or is asked last: ask often, and chance says yes.
 
 
 def line_up(
