@@ -24,7 +24,7 @@ def arm(seed=0, *, samples=2000, step=0.005, quantum=0.0, noise=0.0, amplitude=1
     a, w, c = amplitude * rng.uniform(0.5, 1.0, (2, 2)), rng.uniform(1, 6, (2, 2)), rng.uniform(0, 6, (2, 2))
     phase = w * t[:, None, None] + c
     q, v = (a * np.sin(phase)).sum(axis=2), (a * w * np.cos(phase)).sum(axis=2)
-    log = np.concatenate([t[:, None], q, v, np.sin(t[:, None] * [7, 5])], axis=1)
+    log = np.concatenate([t[:, None], q, v, np.sin(t[:, None] * [7, 5] + 8 * np.sin(t[:, None] * [2.1, 1.7]))], axis=1)
     log[:, 1:5] += noise * rng.normal(size=(samples, 4))
     return log if not quantum else np.concatenate([log[:, :1], quantum * np.round(log[:, 1:] / quantum)], axis=1)
 

@@ -13,6 +13,7 @@ from ._description import Description, read_description
 from ._errors import DataError
 from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
+from ._feedback import find_feedback
 from ._findings import SHOWN_SPANS, Finding, refusal
 from ._kinematics import AGREES
 from ._left_out import find_absent, find_masked, find_merged
@@ -25,6 +26,7 @@ from ._recordings import recordings_of
 from ._survey import Survey, survey
 from ._trainable import check_trainable
 from ._trajectory import ROUNDED, Trajectory
+from ._uneven import find_uneven
 from ._unreadable import Unreadable, without_unreadable
 from ._zeros import find_counted_zeros
 
@@ -104,7 +106,7 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     (logs, used, rows, examinations, replaced), unreadable = _surveyed(path, description, is_angle)
     made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, rows, strict=True)]
     checks = tuple(
-        dataclasses.replace(_check(log, recordings, outcome, examination), log=logged)
+        dataclasses.replace(_check(log, recordings, outcome, examination, is_angle), log=logged)
         for logged, log, (recordings, outcome), examination in zip(logs, used, made, examinations, strict=True)
     )
     checks = tuple(_advised(check, checks) for check in checks)
@@ -118,7 +120,7 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         *find_counted_zeros(logs, [check.channels for check in checks]),
     ]
     if not unreadable and all(isinstance(outcome, Mask) for _, outcome in made):
-        together.extend(_assembled(path, description, logs, [recordings for recordings, _ in made]))
+        together.extend(_assembled(path, description, logs, [recordings for recordings, _ in made], is_angle))
     return DatasetCheck(description=description, recordings=checks, findings=tuple(together), unreadable=unreadable)
 
 
@@ -146,19 +148,27 @@ def _made(
 
 
 def _assembled(
-    path: Path, description: Description, logs: Sequence[Log], recordings: Sequence[tuple[Trajectory, ...]]
+    path: Path,
+    description: Description,
+    logs: Sequence[Log],
+    recordings: Sequence[tuple[Trajectory, ...]],
+    is_angle: np.ndarray,
 ) -> list[Finding]:
-    """What keeps the recordings from being a data set, or is worth saying of their lengths and their rate."""
+    """What keeps the recordings from being a data set, or is worth saying of their lengths, rate and inputs."""
     try:
         dataset = assemble(path, description, logs, recordings)
         check_trainable(dataset)
     except DataError as error:
         return [refusal(error)]
-    return [*find_short(dataset), *find_fast_sampling(dataset)]
+    return [*find_short(dataset), *find_fast_sampling(dataset), *find_feedback(dataset, is_angle)]
 
 
 def _check(
-    log: Log, recordings: tuple[Trajectory, ...], outcome: Mask | DataError, examination: Examination
+    log: Log,
+    recordings: tuple[Trajectory, ...],
+    outcome: Mask | DataError,
+    examination: Examination,
+    is_angle: np.ndarray,
 ) -> RecordingCheck:
     """Everything on one log, as far as it is used."""
     known = log.ts[np.isfinite(log.ts)]
@@ -167,7 +177,7 @@ def _check(
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:
         findings.append(refusal(outcome))
-    findings.extend([*find_merged(log), *find_arrivals(log), *find_absent(log)])
+    findings.extend([*find_merged(log), *find_arrivals(log), *find_uneven(log, is_angle), *find_absent(log)])
     if isinstance(outcome, Mask):
         findings.extend(find_masked(log, outcome))
     return RecordingCheck(

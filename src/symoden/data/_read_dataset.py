@@ -12,6 +12,7 @@ from ._dataset import Dataset
 from ._description import Description, read_description
 from ._errors import DataError, DataWarning, listing
 from ._examine import Examination
+from ._feedback import find_feedback
 from ._findings import Finding
 from ._left_out import find_merged
 from ._logs import Log, angles
@@ -19,6 +20,7 @@ from ._masking import Mask
 from ._recordings import recordings_of
 from ._survey import survey
 from ._trajectory import Trajectory
+from ._uneven import find_uneven
 from ._units import of_column, split_unit
 
 _SHOWN = 3  # recordings that a warning names
@@ -57,9 +59,11 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     masks = [_usable(each) for each in rows]
     recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
     dataset = assemble(path, description, used, recordings)
-    _warn_of_clocks(path, logs)
+    _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
+    for each in find_feedback(dataset, is_angle):
+        warnings.warn(f"`{path}`: {each.text}. {each.advice}", DataWarning, stacklevel=2)
     return dataset
 
 
@@ -111,7 +115,7 @@ def _plain(names: Sequence[str], units: Mapping[str, float]) -> tuple[str, ...]:
     return plain if len(set(plain)) == len(plain) else tuple(names)
 
 
-def _warn_of_clocks(path: Path, logs: Sequence[Log]) -> None:
+def _warn_of_clocks(path: Path, logs: Sequence[Log], is_angle: np.ndarray) -> None:
     """Say in one line that tables had several clocks, in another that stamps are of arrival, and what looks wrong."""
     merged = {log.name: log.merged.columns for log in logs if log.merged is not None}
     if merged:
@@ -126,7 +130,12 @@ def _warn_of_clocks(path: Path, logs: Sequence[Log]) -> None:
     arrived = [f"`{log.name}`: {each.text}" for log in logs for each in find_arrivals(log)]
     if arrived:
         _warn(path, "not taken at the times that were logged,", arrived)
-    wrong = [f"`{log.name}`: {each.text}" for log in logs for each in find_merged(log) if each.level != "note"]
+    wrong = [
+        f"`{log.name}`: {each.text}"
+        for log in logs
+        for each in (*find_merged(log), *find_uneven(log, is_angle))
+        if each.level != "note"
+    ]
     if wrong:
         _warn(path, "perhaps wrong in", wrong)
 

@@ -1,0 +1,67 @@
+"""Inputs that follow the state: by feedback, because the machine moves slowly, or at one frequency alone."""
+
+from typing import Final
+
+import numpy as np
+
+from symoden.wording import first_few
+
+from ._dataset import Dataset
+from ._findings import Finding
+
+_FOLLOWS: Final = (
+    0.8  # Share of an input's variance. Of a measured ball on a beam under PID whose input was lost it is 0.87.
+)
+_CONSTANT: Final = 1e-12  # Variance that is rounding, relative to the mean square.
+_RANK: Final = 1e-6  # Relative to the largest singular value: what changes less tells nothing.
+_BLOCKS: Final = 8  # Stretches.
+_MANY: Final = 5  # Samples for each number of the regression.
+
+
+def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
+    """Say which inputs are nearly a function of positions and velocities.
+
+    What such an input does cannot be told from what a spring or a damper does: a model may explain the motion without
+    it. A regression on 1, q and q² (of angles cosine and sine) and velocities sees most controllers. Every other
+    stretch is predicted from the rest: in a short, smooth motion anything follows anything.
+
+    Args:
+        dataset: Recordings as training sees them.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        One finding, or none.
+    """
+    if not dataset.train or not dataset.inputs:
+        return []
+    q, rates, us = (np.concatenate([getattr(each, name) for each in dataset.train]) for name in ("q", "rates", "us"))
+    where = np.where(is_angle, np.cos(q), q), np.where(is_angle, np.sin(q), q**2)
+    regressors = np.concatenate([np.ones((len(q), 1)), *where, rates], axis=1)
+    regressors /= np.maximum(np.abs(regressors).max(axis=0), np.finfo(float).tiny)
+    if len(q) < 2 * _MANY * regressors.shape[1]:
+        return []
+    halves = [np.arange(len(q)) * _BLOCKS // len(q) % 2 == k for k in (0, 1)]
+    left = np.concatenate([us[a] - regressors[a] @ _fit(regressors[b], us[b]) for a, b in (halves, halves[::-1])])
+    spread = np.var(us, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(spread > _CONSTANT * np.mean(us**2, axis=0), 1 - np.mean(left**2, axis=0) / spread, 0.0)
+    follows = np.flatnonzero(share > _FOLLOWS)
+    if not len(follows):
+        return []
+    named = first_few((f"`{dataset.input_names[i]}` to {share[i]:.0%}" for i in follows), len(follows))
+    return [
+        Finding(
+            kind="feedback",
+            level="warning",
+            channel=dataset.input_names[follows[0]] if len(follows) == 1 else "",
+            text=f"in [train] positions and velocities tell {named}: by feedback, slow motion, or a single frequency. "
+            "What these inputs do is hardly told from springs and dampers",
+            advice="Record with a signal of its own on top (steps, a chirp, noise), or give what is known: "
+            "`input_matrix`, and V under [known]. `symoden inspect` says what these data leave open.",
+        )
+    ]
+
+
+def _fit(regressors: np.ndarray, us: np.ndarray) -> np.ndarray:
+    """Coefficients of a regression."""
+    return np.linalg.lstsq(regressors, us, rcond=_RANK)[0]

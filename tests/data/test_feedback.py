@@ -1,0 +1,37 @@
+"""Inputs that follow the state are named, others are not."""
+
+import numpy as np
+import pytest
+
+from symoden.data import DataWarning, check_dataset, read_dataset
+
+from .conftest import arm, written
+
+
+def driven(share, *, samples=2000):
+    """A log whose first input is feedback but for a share of its variance that is its own."""
+    log = arm(samples=samples)
+    feedback = -3 * np.sin(log[:, 1]) - 0.5 * log[:, 3] + 0.2 * log[:, 2]
+    own = np.random.default_rng(1).normal(size=samples)
+    log[:, 5] = np.sqrt(1 - share) * feedback / feedback.std() + np.sqrt(share) * own / own.std()
+    return log
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.0, True), (0.05, True), (0.3, False), (1.0, False)])
+def test_an_input_that_follows_the_state_is_named(tmp_path, share, named):
+    path = written(tmp_path, driven(share))
+    every = [one for one in check_dataset(path).findings if one.kind == "feedback"]
+    assert len(every) == named
+    if named:
+        (one,) = every
+        assert (one.channel, one.level) == ("u1", "warning")
+        told = float(one.text.partition("tell `u1` to ")[2].partition("%")[0]) / 100
+        assert 0.9 - share <= told <= 1.0
+        with pytest.warns(DataWarning, match=r"tell `u1` to .* Record with a signal of its own"):
+            read_dataset(path)
+
+
+def test_a_constant_input_follows_nothing(tmp_path):
+    log = arm()
+    log[:, 5:] = 2.0
+    assert "feedback" not in {one.kind for one in check_dataset(written(tmp_path, log)).findings}
