@@ -55,9 +55,9 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             level="warning",
             channel=dataset.input_names[follows[0]] if len(follows) == 1 else "",
             text=f"in [train] positions and velocities tell {named}: by feedback, slow motion, or a single frequency. "
-            "What these inputs do is hardly told from springs and dampers",
-            advice="Record with a signal of its own on top (steps, a chirp, noise), or give what is known: "
-            "`input_matrix`, and V under [known]. `symoden inspect` says what these data leave open.",
+            "What these inputs do may not be told from springs and dampers",
+            advice="Look after training whether `symoden inspect` finds g larger than its band. If not, record with a "
+            "signal of its own on top (steps, a chirp, noise), or give what is known: `input_matrix`, V under [known].",
         )
     ]
 

@@ -27,7 +27,7 @@ class TrainingConfig:
         scaled_loss: Weigh each channel by the spread of its change over a window; the paper weighs all alike.
         lm_steps: Largest number of Levenberg-Marquardt steps; 0 leaves the phase out.
         lm_horizon: Steps that Levenberg-Marquardt predicts; chosen from the data's time scale if None, and at the end
-            doubled twice, unless validation speaks against it by more than two standard errors.
+            doubled twice, unless validation speaks clearly against it.
         lm_substeps: RK4 steps in each sampling interval then; chosen by their error if None.
         lm_samples: Most samples that it predicts in a step; of long logs, windows that are spaced evenly hold so many.
         damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
@@ -38,9 +38,9 @@ class TrainingConfig:
         growth_steps: Largest number of steps of each stage that sets something free (lengths in the inertia, a g that
             depends on the configuration, a V of other shapes, friction's laws, both together, what depends on the
             direction, and at the end networks), and of the refit after priors are learned. What is set free stays so
-            if validation gains by more than two standard errors, friction's laws if by more than one. Networks stay
-            closed where more than 4000 numbers would be free with them, as on arms of four joints and more. 0 leaves
-            all of these stages out, and longer windows.
+            if validation gains clearly (by what chance does once in twenty), friction's laws if by a standard error.
+            Networks stay closed where more than 4000 numbers would be free with them, as on arms of four joints and
+            more. 0 leaves all of these stages out, and longer windows.
         relevance_steps: Steps after friction, and half as many in longer windows, in which every group of parameters
             learns a prior of its own, so that noisy data use no more parameters than they determine; kept unless
             validation speaks against it.
