@@ -71,7 +71,7 @@ def test_the_error_lists_where_it_looked(home, monkeypatch):
 
 @pytest.mark.parametrize("pattern", [".", "./"])
 def test_a_folder_is_no_pattern(home, pattern):
-    with pytest.raises(DataError, match=r"`files` must be names or patterns|no file matches"):
+    with pytest.raises(DataError, match=rf"must be names or patterns; got '{pattern}', which is a folder\. Write for"):
         find_files([pattern], home / "project" / "examples" / "arm.toml")
 
 

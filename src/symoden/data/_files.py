@@ -77,5 +77,6 @@ def _globbed(folder: Path, pattern: str, description: Path) -> list[Path]:
     """Files in a folder that a pattern matches, sorted."""
     try:
         return sorted(path for path in folder.glob(pattern) if path.is_file())
-    except (ValueError, IndexError, AttributeError) as error:  # The latter two of "." and "./".
-        raise DataError(f"`{description}`: `files` must be names or patterns; got {pattern!r}: {error}.") from error
+    except (ValueError, IndexError, AttributeError) as error:  # The latter two where nothing but folders is named.
+        reason = f": {error}" if isinstance(error, ValueError) else ', which is a folder. Write for example "*.csv"'
+        raise DataError(f"`{description}`: `files` must be names or patterns; got {pattern!r}{reason}.") from error
