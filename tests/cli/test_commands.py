@@ -4,11 +4,12 @@ import dataclasses
 import json
 import shutil
 from dataclasses import asdict
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from symoden.cli import main
+from symoden.cli import _learned, main
 from symoden.experiments import Prediction, TrainingSummary, read_run, simulate, task, write_run
 
 from .conftest import write_untrained_run
@@ -229,6 +230,15 @@ def test_inspect_needs_no_data_but_says_that_the_audit_does(arm_run, tmp_path, c
     assert found["mass_matrix_eigenvalues"] is not None
     assert main(["inspect", str(folder)]) == 0
     assert "not made, because the run's data cannot be read" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("untold", "named"), [(("g[1, 1]", "D[1, 1]"), True), (("D[1, 1]",), False)])
+def test_an_input_of_which_nothing_is_told_is_named(described, tmp_path, capsys, monkeypatch, untold, named):
+    described.write_text(described.read_text().replace("input_matrix = [[1]]\n", ""))
+    run = write_untrained_run(tmp_path / "run", described)
+    monkeypatch.setattr(_learned, "certainty", lambda *_: SimpleNamespace(undetermined=untold))
+    assert main(["evaluate", str(run), "--bands"]) == 0
+    assert ("what `u` does is not told by these data" in capsys.readouterr().err) == named
 
 
 def test_slow_commands_say_what_they_do(arm_run, capsys, monkeypatch):

@@ -16,7 +16,7 @@ from symoden.storage import StorageError
 
 from ._arguments import Evaluate
 from ._figure import check_figure, save_figure
-from ._learned import bands_of, draw_unseen, own_source, posterior_of
+from ._learned import bands_of, draw_unseen, name_untold_inputs, own_source, posterior_of
 from ._output import print_json
 from ._scores import report_scores
 from ._words import band_words, name_unfinished
@@ -36,6 +36,8 @@ def run(command: Evaluate) -> None:
     scores = report_scores(model, config, source, json=command.general.json)
     bands, missing = _bands(command, config, model, source) if command.bands else (None, "")
     score = bands and score_bands(bands, source.dataset.test)
+    if bands is not None:
+        name_untold_inputs(command.run, model, config, bands.posterior)
     if command.figure is not None:
         save_figure(draw_unseen(model, config, source.dataset, bands), command.figure)
     if command.general.json:

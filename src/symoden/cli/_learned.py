@@ -196,6 +196,32 @@ def bands_of(posterior: AbstractPosterior, config: RunConfig, dataset: Dataset) 
         return calibrate_bands(posterior, hold_out(dataset, config.training), solver=evaluation_solver(config))
 
 
+def name_untold_inputs(run: Path, model: AbstractDynamics, config: RunConfig, posterior: AbstractPosterior) -> None:
+    """Say on standard error which inputs do nothing that these data tell from nothing.
+
+    Predictions may be good all the same where feedback made the inputs; a controller from such a model is not.
+
+    Args:
+        run: Folder of the run.
+        model: Its model.
+        config: Its settings.
+        posterior: What the data say of the model's parameters.
+    """
+    found = inspect_model(model, config.data.ranges, points=ROWS)
+    if found.velocities is None or not config.data.input_names or "input_matrix" in found.given:
+        return
+    with show_work("what inputs do"):
+        untold = certainty(posterior, found).undetermined
+    rows = range(1, len(config.data.position_names) + 1)
+    for j, name in enumerate(config.data.input_names, start=1):
+        if all(f"g[{i}, {j}]" in untold for i in rows):
+            print(
+                f"warning: what `{name}` does is not told by these data: g is nowhere larger than its band, but "
+                f"controllers need it. `symoden data check` and `symoden inspect {run}` say why.",
+                file=sys.stderr,
+            )
+
+
 def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, bands: Bands | None) -> Any:  # noqa: ANN401
     """Figure of the first recordings that were not trained on, with rollouts along them.
 
