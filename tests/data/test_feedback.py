@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from symoden.data import DataWarning, check_dataset, read_dataset
+from symoden.data import check_dataset
 
 from .conftest import arm, written
 
@@ -27,8 +27,6 @@ def test_an_input_that_follows_the_state_is_named(tmp_path, share, named):
         assert (one.channel, one.level) == ("u1", "warning")
         told = float(one.text.partition("tell `u1` to ")[2].partition("%")[0]) / 100
         assert 0.9 - share <= told <= 1.0
-        with pytest.warns(DataWarning, match=r"tell `u1` to .* record with a signal of its own"):
-            read_dataset(path)
 
 
 def test_a_constant_input_follows_nothing(tmp_path):

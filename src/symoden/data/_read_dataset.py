@@ -12,7 +12,6 @@ from ._dataset import Dataset
 from ._description import Description, read_description
 from ._errors import DataError, DataWarning, listing
 from ._examine import Examination
-from ._feedback import find_feedback
 from ._findings import Finding
 from ._left_out import find_merged
 from ._logs import Log, angles
@@ -62,8 +61,6 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
-    for each in find_feedback(dataset, is_angle):
-        warnings.warn(f"`{path}`: {each.text}. {each.advice}", DataWarning, stacklevel=2)
     return dataset
 
 
