@@ -72,8 +72,6 @@ def test_bad_descriptions(described, tmp_path, capsys, bad):
     old, new, word = BAD_DESCRIPTIONS[bad]
     described.write_text(described.read_text().replace(old, new))
     assert word in refused(capsys, "train", described, "--out", tmp_path / "run")
-    for command in ("simulate", "pendulum"), ("predict", tmp_path / "run", "pendulum"):
-        assert "`--out` must end in .npz; got" in refused(capsys, *command, "--out", tmp_path / "a.csv")
     assert not (tmp_path / "run").exists()
 
 
@@ -94,6 +92,8 @@ def test_wrong_options(described, tmp_path, capsys):
     assert "at least 1; got 0" in refused(capsys, "train", "pendulum", *run, "--trajectories", "0")
     assert "at least 0 and finite; got -0.1" in refused(capsys, "train", "pendulum", *run, "--noise", "-0.1")
     assert "must be one of pendulum-canonical" in refused(capsys, "simulate", "pendulm", "--out", tmp_path / "a.npz")
+    for command in ("simulate", "pendulum"), ("predict", tmp_path / "run", "pendulum"):
+        assert "`--out` must end in .npz; got" in refused(capsys, *command, "--out", tmp_path / "a.csv")
     assert not (tmp_path / "run").exists()
 
 

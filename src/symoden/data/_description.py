@@ -224,23 +224,17 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
 
 def _refuse_two_meanings(path: Path, description: Description) -> None:
     """Refuse a column that is named in two places."""
-    for (role, selector), (other, others) in itertools.combinations(description.selectors.items(), 2):
+    of_recordings = {} if description.recording is None else {"recording": (description.recording,)}
+    read = description.selectors | of_recordings
+    for (role, selector), (other, others) in itertools.combinations(read.items(), 2):
         for name, again in itertools.product(names_in({role: selector}), names_in({other: others})):
             whole = selector == variable_of(again) or others == variable_of(name)  # The variable, and one column of it.
             if name == again or whole:
-                raise _two_meanings(path, (again, _key(other, description)), (name, _key(role, description)))
-    for role, selector in description.selectors.items():
-        if description.recording in names_in({role: selector}):
-            name = str(description.recording)
-            raise _two_meanings(path, (name, "recording"), (name, _key(role, description)))
-
-
-def _two_meanings(path: Path, one: tuple[str, str], other: tuple[str, str]) -> DataError:
-    """The error of a column that is named under two keys, each with its name there."""
-    return DataError(
-        f"`{path}`: a column must have one meaning; got `{one[0]}` in `{one[1]}`, and `{other[0]}` in `{other[1]}`. "
-        "Name each column once."
-    )
+                keys = [_key(each, description) for each in (role, other)]
+                raise DataError(
+                    f"`{path}`: a column must have one meaning; got `{again}` in `{keys[1]}`, and `{name}` in "
+                    f"`{keys[0]}`. Name each column once."
+                )
 
 
 def _key(role: str, description: Description) -> str:

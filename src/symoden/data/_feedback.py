@@ -4,14 +4,10 @@ from typing import Final
 
 import numpy as np
 
-from symoden.wording import first_few
-
 from ._dataset import Dataset
 from ._findings import Finding
 
-_FOLLOWS: Final = (
-    0.8  # Share of an input's variance. Of a measured ball on a beam under PID whose input was lost it is 0.87.
-)
+_FOLLOWS: Final = 0.8  # Share of an input's variance; 0.87 on a measured ball on a beam whose input training lost.
 _CONSTANT: Final = 1e-12  # Variance that is rounding, relative to the mean square.
 _RANK: Final = 1e-6  # Relative to the largest singular value: what changes less tells nothing.
 _BLOCKS: Final = 8  # Stretches.
@@ -48,7 +44,7 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     follows = np.flatnonzero(share > _FOLLOWS)
     if not len(follows):
         return []
-    named = first_few((f"`{dataset.input_names[i]}` to {share[i]:.0%}" for i in follows), len(follows))
+    named = ", ".join(f"`{dataset.input_names[i]}` to {share[i]:.0%}" for i in follows)
     return [
         Finding(
             kind="feedback",
