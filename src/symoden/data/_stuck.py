@@ -17,6 +17,7 @@ _LEAST_REST: Final = 0.5  # [s] at rest that a joint must be for the motion of o
 _FOLLOWS = 0.3  # misfit up to which position and velocity tell of one motion
 _ROUNDINGS, _NOISES = 4.0, 6.0
 _SHARE, _SHARE_OTHER, _SHARE_INPUT = 0.03, 0.3, 0.7  # of a channel's range
+_TURN = 10  # steps of an encoder
 _LEAST_FROZEN: Final = 0.3  # [s] that a position must stand still for its rows to be left out,
 _SETTLES: Final = 0.15  # and the part of it in which a velocity that is filtered may still come to rest.
 _FAST: Final = 0.5  # of the usual speed; what is slower may be a bias
@@ -154,11 +155,20 @@ def _alone(facts: Facts, i: int) -> list[tuple[int, int]]:
     stuck = []
     for start, end in standstills(facts.ts, facts.q[:, i], least=2 * _LEAST, longest=facts.longest):
         part = slice(start, end + 1)
-        if facts.ts[end] - facts.ts[start] < least:
+        if facts.ts[end] - facts.ts[start] < least or _may_turn(facts, i, start, end):
             continue
         if any(np.ptp(other) > 0 and np.ptp(other[part]) > share * np.ptp(other) for other, share in others):
             stuck.append((start, end))
     return stuck
+
+
+def _may_turn(facts: Facts, i: int, start: int, end: int) -> bool:
+    """Whether coordinate i may be turning back on one step of its encoder."""
+    # Where ½ a t² stays within one step for a time T, it goes eight steps in the time T before and after.
+    time = facts.ts[end] - facts.ts[start]
+    first, last = np.searchsorted(facts.ts, [facts.ts[start] - time, facts.ts[end] + time])
+    sides = facts.q[first : start + 1, i], facts.q[end : last + 1, i]
+    return bool(max(map(np.ptp, sides)) <= _TURN * facts.positions[i].quantum)
 
 
 def _finding(facts: Facts, name: str, stuck: list[tuple[int, int]]) -> list[Finding]:

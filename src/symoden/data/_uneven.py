@@ -7,11 +7,12 @@ import numpy as np
 from ._findings import Finding
 from ._logs import Log
 from ._shapes import Times
-from ._signals import longest_step
+from ._signals import longest_step, quantum
 from ._spikes import deviations, unwrapped
 
 _FEWEST: Final = 100  # Rows.
 _JITTER: Final = 0.1  # Standard deviation of the steps, relative to their mean, below which it matters little.
+_COUNTS: Final = 2  # Of its encoder that a position must usually go from row to row, or what is left is rounding.
 _SMOOTHER: Final = 0.6  # Share of what neighbours leave of a position: more may be chance, or noise.
 
 
@@ -41,8 +42,8 @@ def find_uneven(log: Log, is_angle: np.ndarray) -> list[Finding]:
     if np.std(usual) < _JITTER * mean:
         return []
     q[:, is_angle] = unwrapped(q[:, is_angle])
-    moving = q[:, np.ptp(q, axis=0) > 0].T
-    if not len(moving):
+    moving = [one for one in q.T if np.median(np.abs(np.diff(one))) > _COUNTS * quantum(one)]
+    if not moving:
         return []
     stamped, even = (np.array([_left(at, one) for one in moving]) for at in (ts, mean * np.arange(len(ts))))
     ratio = even / np.maximum(stamped, np.finfo(float).tiny)
