@@ -175,7 +175,8 @@ def standstills(ts: Times, signal: np.ndarray, *, least: int, longest: float) ->
     """
     edges = np.flatnonzero((np.diff(signal) != 0) | (np.diff(ts) > longest))
     starts, ends = np.append(0, edges + 1), np.append(edges, len(signal) - 1)
-    return [(int(a), int(b)) for a, b in zip(starts, ends, strict=True) if b - a + 1 >= least]
+    long = ends - starts + 1 >= least
+    return list(zip(starts[long].tolist(), ends[long].tolist(), strict=True))
 
 
 def share_cut_off(signal: np.ndarray) -> float:
