@@ -97,8 +97,10 @@ def quantum(signal: np.ndarray) -> float:
     for step in candidates:
         whole = changes[changes > _TINY * step] / step
         near = (np.abs(whole - np.round(whole)) < _NEAR) & (np.round(whole) >= 1)
+        if near.mean() < _ON_GRID:
+            continue
         _, alike = np.unique(np.round(np.diff(signal) / step), return_counts=True)
-        if near.mean() >= _ON_GRID and alike.max() <= _MOST_ALIKE * alike.sum():
+        if alike.max() <= _MOST_ALIKE * alike.sum():
             return step
     return 0.0
 
