@@ -12,7 +12,7 @@ import pytest
 from symoden.blocks import Known, KnownValue
 from symoden.data import Dataset, Trajectory
 from symoden.experiments import Ranges, _bands, calibrate_bands, certainty, inspect_model, score_bands, simulate, task
-from symoden.integrate import RK4
+from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space
 from symoden.training import Ensemble, TrainingConfig, fit, hold_out, infer_posterior
@@ -166,7 +166,30 @@ def test_bands_cover_what_they_say(trained, kind):
     assert NOISE < score.half_width < 5 * NOISE
     assert 0 < score.from_parameters < 1
     blind = dataclasses.replace(held, validation=())
-    assert calibrate_bands(posterior, blind, solver=RK4(2)).calibrated_on == "train"
+    bands = calibrate_bands(posterior, blind, solver=RK4(2))
+    assert (bands.calibrated_on, bands.factor) == ("train", 1)
+    assert score_bands(bands, held.test).coverage == pytest.approx(0.9, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("windows", "share", "narrower", "wider"), [(1, 0.1, False, False), (12, 0.1, True, False), (1, 5.0, False, True)]
+)
+def test_few_windows_of_validation_widen_bands_but_do_not_narrow_them(trained, windows, share, narrower, wider):
+    result, dataset = trained
+    held = hold_out(dataset, STEPS)
+    posterior = infer_posterior(result.model, dataset, STEPS)
+
+    def nearer(recording: Trajectory) -> Trajectory:
+        log = (jnp.asarray(each) for each in (recording.q[0], recording.rates[0], recording.ts, recording.us))
+        path = np.asarray(rollout(result.model, *log, solver=RK4(2)).q)
+        return dataclasses.replace(recording, q=path + share * (recording.q - path))
+
+    validation = tuple(map(nearer, held.test[:windows]))
+    bands = calibrate_bands(posterior, dataclasses.replace(held, validation=validation), solver=RK4(2))
+    assert (bands.factor < 1, bands.factor > 1) == (narrower, wider)
+    assert bands.calibrated_on == ("validation" if narrower or wider else "train")
+    coverage = score_bands(bands, held.test).coverage
+    assert (coverage < 0.6, coverage > 0.97) == (narrower, wider)
 
 
 def test_bands_look_at_some_windows_of_long_logs_that_are_spaced_evenly(monkeypatch):

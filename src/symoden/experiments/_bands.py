@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -23,6 +23,7 @@ _BINS = 20
 _BATCH = 8192  # Samples that are linearised at once.
 _MOST_WINDOWS = 2000  # Eight minutes, at four windows in a second; hours of logs tell no more.
 _TINY = 1e-12
+_ENOUGH: Final = 9  # Validation windows: of fewer, chance leaves none outside where one in ten should be.
 
 Variances: TypeAlias = Callable[[Float[np.ndarray, " N"]], Float[np.ndarray, "N n"]]
 
@@ -37,7 +38,7 @@ class BandScore:
         split: Part that was looked at.
         coverage: Share of its positions that lie in their bands, over windows of 1 s.
         half_width: Median half width, in the data's units.
-        from_parameters: Median share of the band's variance that comes from uncertain parameters; the rest is noise and
+        from_parameters: Median share of the band, squared, that comes from uncertain parameters; the rest is noise and
             what the model leaves out.
     """
 
@@ -57,7 +58,7 @@ class BandedPath:
         ts: Time stamps of the recording [s].
         q: Predicted coordinates; not finite where the rollout diverges.
         half_width: Half of the band.
-        from_parameters: Share of the band's variance that comes from uncertain parameters.
+        from_parameters: Share of the band, squared, that comes from uncertain parameters.
     """
 
     ts: Float[np.ndarray, " T"]
@@ -70,16 +71,19 @@ class BandedPath:
 class Bands:
     """What the bands of rollouts are made of; `calibrate_bands` makes it.
 
-    The variance of a predicted position is that of the uncertain parameters and the mean squared error
-    on the training recordings so long after the start. A common factor makes the bands cover as much of the validation
-    recordings as they should (split conformal prediction); without any, it is the posterior's own quantile.
+    Half of a band, squared, is that of the uncertain parameters and that of the errors on the training recordings so
+    long after the start. These have no normal distribution (what a swing-up's last window has is many times what is
+    usual), so that theirs goes by a quantile of their own. A common factor makes the bands cover as much of the
+    validation recordings as they should (split conformal prediction), if these have many windows. Few may cover more
+    by chance, or because they rest: they can widen bands, but not narrow them.
 
     Attributes:
         posterior: What the data say of the model's parameters.
         hold: How inputs act between samples.
         solver: What advances rollouts.
         noise: Mean squared error of each coordinate so long after the start.
-        factor: Half of a band over the standard deviation.
+        tail: Quantile of errors over the root of that.
+        factor: What half a band is multiplied with.
         calibrated_on: Part that set the factor.
     """
 
@@ -87,6 +91,7 @@ class Bands:
     hold: Hold
     solver: AbstractSolver
     noise: Variances
+    tail: float
     factor: float
     calibrated_on: str
 
@@ -100,13 +105,15 @@ class Bands:
             A path for each.
         """
         found: dict[int, BandedPath] = {}
+        quantile = self.posterior.quantile(LEVEL)
         for i, path in _paths(self.posterior, stretches, self.hold, self.solver):
-            variance = path.variance + self.noise(path.elapsed)
+            uncertain = quantile**2 * path.variance
+            both = uncertain + self.tail**2 * self.noise(path.elapsed)
             found[i] = BandedPath(
                 ts=path.elapsed + stretches[i].trajectory.ts[stretches[i].start],
                 q=path.q,
-                half_width=self.factor * np.sqrt(variance),
-                from_parameters=path.variance / variance,
+                half_width=self.factor * np.sqrt(both),
+                from_parameters=uncertain / both,
             )
         return [found[i] for i in range(len(stretches))]
 
@@ -117,8 +124,8 @@ class Bands:
             recordings: Recordings.
 
         Returns:
-            Absolute errors, half widths, and the share of the variance that comes from uncertain parameters, those
-            that are not finite left out.
+            Absolute errors, half widths, and the share that comes from uncertain parameters, those that are not finite
+            left out.
         """
         stretches = _windows_of(recordings)
         columns = []
@@ -146,14 +153,26 @@ def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: A
     if not dataset.train:
         raise ValueError("Bands need the recordings that the model was trained on; there are none.")
     hold = HOLDS[dataset.hold]
-    noise = _by_elapsed(*_errors(posterior.model, _windows_of(dataset.train), hold, solver))
-    bands = Bands(posterior=posterior, hold=hold, solver=solver, noise=noise, factor=1.0, calibrated_on="train")
+    elapsed, errors = _errors(posterior.model, _windows_of(dataset.train), hold, solver)
+    noise = _by_elapsed(elapsed, errors)
+    bands = Bands(
+        posterior=posterior,
+        hold=hold,
+        solver=solver,
+        noise=noise,
+        tail=float(np.quantile(np.abs(errors) / np.sqrt(noise(elapsed)), LEVEL)),
+        factor=1.0,
+        calibrated_on="train",
+    )
     if not dataset.validation:
-        return dataclasses.replace(bands, factor=posterior.quantile(LEVEL))
-    error, deviation, _ = bands.along(dataset.validation)
+        return bands
+    error, half, _ = bands.along(dataset.validation)
     if not error.size:
         raise ValueError("Bands need rollouts that stay finite; all of those along the validation recordings diverge.")
-    return dataclasses.replace(bands, factor=float(np.quantile(error / deviation, LEVEL)), calibrated_on="validation")
+    factor = float(np.quantile(error / half, LEVEL))
+    if factor <= 1 and len(_windows_of(dataset.validation)) < _ENOUGH:
+        return bands
+    return dataclasses.replace(bands, factor=factor, calibrated_on="validation")
 
 
 def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = "test") -> BandScore:
