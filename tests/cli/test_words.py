@@ -55,8 +55,15 @@ def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_
 @pytest.mark.parametrize(("coverage", "narrow"), [(0.79, True), (0.81, False), (0.99, False)])
 def test_bands_that_miss_many_positions_are_called_too_narrow(coverage, narrow):
     score = BandScore(
-        level=0.9, calibrated_on="validation", split="test", coverage=coverage, half_width=0.1, from_parameters=0.2
+        level=0.9,
+        calibrated_on="validation",
+        split="test",
+        horizon_s=0.97,
+        coverage=coverage,
+        half_width=0.1,
+        from_parameters=0.2,
     )
     words = band_words(score)
+    assert words.startswith("90% bands over windows of 0.97 s cover")
     assert f"cover {coverage:.1%} of the positions of the test recordings" in words
     assert words.endswith("the bands are too narrow here") == narrow

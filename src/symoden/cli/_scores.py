@@ -1,7 +1,10 @@
 """Scores as tables and as JSON, shared by `train`, `evaluate` and `report`."""
 
-from collections.abc import Sequence
+import math
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from typing import Any, Final
 
 from symoden.blocks import count_parameters
 from symoden.experiments import (
@@ -22,6 +25,7 @@ from ._output import TableText, number, print_table
 
 _ERRORS = ("train", "test", "prediction")
 _FEW = 4  # Coordinates that have a column each.
+_POOR: Final = 0.5  # Share of the way that positions go in a second.
 
 
 def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> dict[str, object]:
@@ -39,7 +43,31 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
     scores, table = scores_of(model, config, source)
     if not json:
         print_table(*table)
+    if warning := poor(scores.get("recordings", ())):
+        print(f"warning: {warning}", file=sys.stderr)
     return scores
+
+
+def poor(recordings: Sequence[Mapping[str, Any]]) -> str:
+    """What to say of predictions that are hardly better than none.
+
+    Args:
+        recordings: Scores of recordings, as `evaluate --json` prints them.
+
+    Returns:
+        The words; none where predictions are better, or no recording is as long as a window.
+    """
+    long = [each for each in recordings if math.isfinite(each["motion"])]
+    error = sum(each["window_rmse"]["median"] for each in long)
+    motion = sum(each["motion"] for each in long)
+    if error <= _POOR * motion:
+        return ""
+    return (
+        f"over 1 s predictions are off by {number(error / len(long))} where positions move "
+        f"{number(motion / len(long))}, in the mean over the recordings: hardly better than standing still. An input "
+        "that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a wrong "
+        "`input_matrix`: of inputs `symoden data check` sees little."
+    )
 
 
 def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> tuple[dict[str, object], TableText]:
@@ -80,9 +108,12 @@ def _recordings(recordings: Sequence[RecordingScore], space: Space, names: Seque
     angles, lengths = len(space.lengths) < space.size, len(space.lengths) > 0
     units = ", ".join(["rad"] * angles + ["lengths in m, or as they were logged without `units`"] * lengths)
     each = [f"1 s, {name}" for name in names] if 1 < len(names) <= _FEW else []
+    short = any(math.isnan(r.motion) for r in recordings)
     return TableText(
         f"position RMSE [{units}]: over windows of 1 s, beside how far positions move in these, and of one rollout "
-        "over the whole recording" + ("; of each coordinate the median over the windows" if each else ""),
+        "over the whole recording"
+        + ("; of each coordinate the median over the windows" if each else "")
+        + ("; -: the recording is shorter than a window" if short else ""),
         ("recording", "split", "samples", "1 s median", "1 s mean", "moves", "whole", *each),
         [
             (

@@ -139,11 +139,12 @@ def band_words(score: BandScore) -> str:
         The sentence.
     """
     narrow = score.coverage < score.level - _MISSED
+    calibrated = "training" if score.calibrated_on == "train" else score.calibrated_on
     return (
-        f"{score.level:.0%} bands over windows of 1 s cover {score.coverage:.1%} of the positions of the {score.split} "
-        f"recordings; median half width {number(score.half_width)}, {score.from_parameters:.0%} of the variance from "
-        f"uncertain parameters; width set by the {score.calibrated_on} recordings"
-        + (", which move otherwise: the bands are too narrow here" if narrow else "")
+        f"{score.level:.0%} bands over windows of {number(score.horizon_s)} s cover {score.coverage:.1%} of the "
+        f"positions of the {score.split} recordings; median half width {number(score.half_width)}, "
+        f"{score.from_parameters:.0%} of the variance from uncertain parameters; width set by the {calibrated} "
+        "recordings" + (", which move otherwise: the bands are too narrow here" if narrow else "")
     )
 
 

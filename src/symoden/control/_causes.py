@@ -3,6 +3,8 @@
 from typing import Final
 
 import numpy as np
+import scipy.linalg
+from jaxtyping import Float
 
 from symoden.mechanics import AbstractDynamics
 
@@ -33,12 +35,15 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
 
     limits = tuple(regulator.limits.tolist())
     A, B, _ = linearize(model, regulator.target)
-    rest = np.linalg.solve(A - B @ np.asarray(regulator.gain), -np.asarray(remaining_motion(model, regulator)))
+    motion = np.asarray(remaining_motion(model, regulator), float)
+    rest = np.linalg.solve(A - B @ np.asarray(regulator.gain), -motion)
     aside = float(np.abs(rest[: model.space.size]).max())
     if aside > Tolerance().position:
+        nearest = np.asarray(target) + _to_equilibrium(A, B, motion)
         return (
             f"The target {target} must be an equilibrium of the model, but no input holds it there: the regulator "
-            f"would come to rest {aside:.2g} rad or m away, by its linearisation. Choose a target where it rests."
+            f"would come to rest {aside:.2g} rad or m away, by its linearisation. Choose a target where it rests; "
+            f"nearby that is {nearest.round(4).tolist()}."
         )
     if period is not None and period > _QUICK and holds(limits, _QUICK):
         return (
@@ -56,6 +61,15 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
         "input: there the model is not what its linearisation says, as with sharp dry friction. Choose another "
         "target, or collect data about this one."
     )
+
+
+def _to_equilibrium(
+    A: Float[np.ndarray, "s s"], B: Float[np.ndarray, "s m"], motion: Float[np.ndarray, " s"]
+) -> Float[np.ndarray, " n"]:
+    """The shortest way from a configuration to one where some input stops all motion, to first order."""
+    n = len(A) // 2
+    left = scipy.linalg.null_space(B[n:].T).T  # Accelerations that no input makes.
+    return -np.linalg.pinv(left @ A[n:, :n]) @ left @ motion[n:]
 
 
 def _growth(A: np.ndarray) -> str:

@@ -1,5 +1,6 @@
 """Positions and velocities that disagree: wrong units, turned signs, wrong columns, jumps."""
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -115,7 +116,7 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
             )
         ]
     for known, what, units in _ANGLES if facts.is_angle[i] else _LENGTHS:
-        if abs(size / known - 1) < _SAME:
+        if abs(size / known - 1) < _SAME and abs(size / known - 1) <= abs(size / _round(size) - 1):
             columns = {{"q": q, "v": v}[symbol]: unit for symbol, unit in units.items()}
             turned = " One of them has the opposite direction as well." if factor < 0 else ""
             write = entry(columns, facts.units)
@@ -143,6 +144,11 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
             f"`{second}` is, write {entry({first: factors[first]}, facts.units)}, or correct the time stamps.",
         )
     ]
+
+
+def _round(size: float) -> float:
+    """The next power of ten: a `dt` that is ten times too long is not turns per minute, which is 0.105."""
+    return 10.0 ** round(math.log10(size))
 
 
 def _real_velocity(facts: Facts, i: int) -> str | None:

@@ -17,7 +17,7 @@ from symoden.training import AbstractPosterior, AbstractScatter
 
 from ._batches import Segment, Stretch, in_batches
 from ._certainty import LEVEL
-from ._evaluate import one_second_windows, paths
+from ._evaluate import HORIZON, one_second_windows, paths
 
 _BINS = 20
 _BATCH = 8192  # Samples that are linearised at once.
@@ -36,7 +36,9 @@ class BandScore:
         level: Probability that a band is meant to cover.
         calibrated_on: Part that set the width of the bands: validation recordings, or training without them.
         split: Part that was looked at.
-        coverage: Share of its positions that lie in their bands, over windows of 1 s.
+        horizon_s: How long the windows are that were looked at, in the median [s]: 1, or less where recordings are
+            shorter.
+        coverage: Share of its positions that lie in their bands.
         half_width: Median half width, in the data's units.
         from_parameters: Median share of the band, squared, that comes from uncertain parameters; the rest is noise and
             what the model leaves out.
@@ -45,6 +47,7 @@ class BandScore:
     level: float
     calibrated_on: str
     split: str
+    horizon_s: float
     coverage: float
     half_width: float
     from_parameters: float
@@ -198,6 +201,7 @@ def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = 
         level=LEVEL,
         calibrated_on=bands.calibrated_on,
         split=split,
+        horizon_s=float(np.median([min(HORIZON, each.duration) for each in _windows_of(recordings)])),
         coverage=float(np.mean(error <= half)),
         half_width=float(np.median(half)),
         from_parameters=float(np.median(share)),

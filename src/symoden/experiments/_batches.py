@@ -33,6 +33,11 @@ class Stretch:
         return self.stop - self.start
 
     @property
+    def duration(self) -> float:
+        """Time from the first sample to the last [s]."""
+        return float(self.trajectory.ts[self.stop - 1] - self.trajectory.ts[self.start])
+
+    @property
     def q(self) -> Float[np.ndarray, "T n"]:
         """Measured coordinates."""
         return self.trajectory.q[self.start : self.stop]

@@ -59,7 +59,11 @@ def recorded_paths(
     whole = predict(model, recordings, hold=hold, solver=solver)
     windows: list[list[BandedPath]] = [[] for _ in recordings]
     if bands is not None:
-        cut = [(k, *edges) for k, each in enumerate(recordings) for edges in one_second_windows(each)[::_EVERY]]
+        cut = [
+            (k, *edges)
+            for k, each in enumerate(recordings)
+            for edges in one_second_windows(each)[::_EVERY] or [(0, len(each))]  # As bands are judged.
+        ]
         stretches = [Stretch(trajectory=recordings[k], start=start, stop=stop) for k, start, stop in cut]
         for (k, _, _), path in zip(cut, bands.predict(stretches), strict=True):
             windows[k].append(path)

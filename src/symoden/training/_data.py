@@ -39,6 +39,7 @@ _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every 
 _NAMED = 3
 _FAR = 0.1  # Share of a loss that chance does not take it to, where so many and so large a share of windows say so.
 _FEW, _MOSTLY = 3, 0.75
+_HARDLY_ANY: Final = 4  # Windows, whose number is then worth a word: their verdict is hardly one.
 _LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
 
 
@@ -75,7 +76,9 @@ class Data(NamedTuple):
             Standard errors as `compare` counts them, of the opposite sign; both losses and these.
         """
         gain = -self.compare(model, before, objective)
-        size = f"{round(gain, 1) + 0.0:+.1f} standard errors"
+        windows = self.judged.ts.shape[0]
+        few = f" of {windows} window{'' if windows == 1 else 's'}" if windows <= _HARDLY_ANY else ""
+        size = f"{round(gain, 1) + 0.0:+.1f} standard errors{few}"
         if math.isinf(gain):
             size = "a tenth or less" if gain > 0 else "tenfold or more"
         other = evaluate_loss(before, objective, self.judged)

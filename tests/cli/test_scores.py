@@ -1,0 +1,29 @@
+"""What is said of scores."""
+
+import math
+
+import pytest
+
+from symoden.cli._scores import poor
+
+
+def recording(error, motion):
+    return {"window_rmse": {"median": error}, "motion": motion}
+
+
+@pytest.mark.parametrize(
+    ("recordings", "is_poor"),
+    [
+        ([], False),
+        ([recording(0.4, 1.0)], False),
+        ([recording(0.6, 1.0)], True),
+        ([recording(0.9, 1.0), recording(0.01, 1.0)], False),  # One of them may be another motion.
+        ([recording(math.inf, 1.0)], True),
+        ([recording(math.nan, math.nan)], False),  # Shorter than a window.
+        ([recording(math.nan, math.nan), recording(0.6, 1.0)], True),
+    ],
+)
+def test_predictions_that_are_hardly_better_than_standing_still_are_called_so(recordings, is_poor):
+    words = poor(recordings)
+    assert bool(words) == is_poor
+    assert not is_poor or "hardly better than standing still" in words
