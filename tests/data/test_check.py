@@ -83,6 +83,7 @@ UNITS = [
     ({"v2": 180 / np.pi}, "q2", r'units = \{v2 = "deg/s"\}'),
     ({"v1": 30 / np.pi}, "q1", r'units = \{v1 = "rpm"\}'),
     ({"q2": -180 / np.pi}, "q2", r'units = \{q2 = "deg"\}'),
+    ({"v1": 10.0}, "v1", r"write `units = \{v1 = (0\.1|0\.09\d*|0\.10\d*)\}` into"),  # Nearly 2π/60.
     ({"v1": 0.1}, "v1", r"write `units = \{v1 = (10|9\.9\d*|10\.0\d)\}` into"),
 ]
 

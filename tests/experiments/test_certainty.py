@@ -11,7 +11,17 @@ import pytest
 
 from symoden.blocks import Known, KnownValue
 from symoden.data import Dataset, Trajectory
-from symoden.experiments import Ranges, _bands, calibrate_bands, certainty, inspect_model, score_bands, simulate, task
+from symoden.experiments import (
+    Ranges,
+    _bands,
+    calibrate_bands,
+    certainty,
+    inspect_model,
+    recorded_paths,
+    score_bands,
+    simulate,
+    task,
+)
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space
@@ -190,6 +200,17 @@ def test_few_windows_of_validation_widen_bands_but_do_not_narrow_them(trained, w
     assert bands.calibrated_on == ("validation" if narrower or wider else "train")
     coverage = score_bands(bands, held.test).coverage
     assert (coverage < 0.6, coverage > 0.97) == (narrower, wider)
+
+
+def test_recordings_shorter_than_a_window_are_judged_and_drawn_as_a_whole(trained):
+    result, dataset = trained
+    held = hold_out(dataset, STEPS)
+    bands = calibrate_bands(infer_posterior(result.model, dataset, STEPS), held, solver=RK4(2))
+    recording = held.test[0].cut(0, 10, name="short")
+    assert score_bands(bands, [recording]).horizon_s == pytest.approx(recording.duration)
+    (drawn,) = recorded_paths(result.model, [recording], hold="zero", solver=RK4(2), bands=bands)
+    (window,) = drawn.windows
+    assert window.ts == pytest.approx(recording.ts)
 
 
 def test_bands_look_at_some_windows_of_long_logs_that_are_spaced_evenly(monkeypatch):
