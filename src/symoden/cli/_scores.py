@@ -43,7 +43,8 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
     scores, table = scores_of(model, config, source)
     if not json:
         print_table(*table)
-    if warning := poor(scores.get("recordings", ())):
+    recordings = scores.get("recordings")
+    if isinstance(recordings, list) and (warning := poor(recordings)):
         print(f"warning: {warning}", file=sys.stderr)
     return scores
 
