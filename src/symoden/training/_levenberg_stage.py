@@ -326,7 +326,9 @@ class LevenbergStage(AbstractStage):
         gain, why = self.data.gain(state.best, state.best_loss, state.incumbent.model, objective)
         why = why if math.isinf(gain) else f"{why}, more than {self.margin:+.3g} wanted"
         if gain > self.margin:
-            return state, f"kept ({why})"
+            freed_too = self.learns and FRICTION & freed(state.best) & ~freed(state.incumbent.model)
+            also = "; frees friction's laws too, under learned priors" if freed_too else ""
+            return state, f"kept ({why}{also})"
         return self._undone(state), f"not kept ({why})"
 
     def _undone(self, state: TrainingState) -> TrainingState:
