@@ -1,13 +1,14 @@
 """`symoden data check`: what it prints, what it draws, and that `train` says what it leaves out."""
 
+import dataclasses
 import json
 import warnings
 
 import numpy as np
 import pytest
 
-from symoden.cli import main
-from symoden.data import DataWarning
+from symoden.cli import _data, main
+from symoden.data import DataWarning, check_dataset
 
 from .conftest import write_untrained_run
 
@@ -44,6 +45,13 @@ def test_a_good_data_set_has_its_tables_and_nothing_wrong(arm, capsys):
     ]
     assert "space T1, hold zero" in out
     assert out.endswith("Findings\nnothing looks wrong\n")
+
+
+@pytest.mark.parametrize(("steps", "said"), [([0.0, 0.01], 0.01), ([0.0, 0.01, 0.02, 0.02], 0.02), ([0.0, 0.0], "-")])
+def test_rounding_is_that_of_the_logs_that_tell_it(arm, steps, said):
+    facts = check_dataset(arm).recordings[0].channels[0]
+    row = _data._channel_row([dataclasses.replace(facts, quantum=step) for step in steps])
+    assert row[5] == said
 
 
 def test_what_is_wrong_is_named_with_what_to_do(described, capsys):

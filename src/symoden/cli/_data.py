@@ -1,6 +1,7 @@
 """`symoden data check`."""
 
 import dataclasses
+import statistics
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -84,7 +85,8 @@ def _print_channels(check: DatasetCheck) -> None:
 
 def _channel_row(facts: Sequence[ChannelFacts]) -> tuple[object, ...]:
     """One column of all recordings."""
-    quantum, noise = (float(np.median([getattr(one, name) for one in facts])) for name in ("quantum", "noise"))
+    rounded = [one.quantum for one in facts if one.quantum]  # Of a log that changes too seldom nothing is known.
+    noise = float(np.median([one.noise for one in facts]))
     least, most = min(one.minimum for one in facts), max(one.maximum for one in facts)
     cut_off = float(np.mean([one.cut_off for one in facts]))
     moving = [one.moving for one in facts if one.moving is not None]
@@ -95,7 +97,7 @@ def _channel_row(facts: Sequence[ChannelFacts]) -> tuple[object, ...]:
         least,
         most,
         float(np.sqrt(np.mean([one.rms**2 for one in facts]))),
-        quantum or "-",
+        statistics.median_low(rounded) if rounded else "-",
         noise if noise > 1e-9 * (most - least) else "-",
         f"{cut_off:.0%}" if cut_off else "-",
         f"{np.mean(moving):.0%}" if moving else "-",
