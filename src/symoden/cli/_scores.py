@@ -67,7 +67,7 @@ def poor(recordings: Sequence[Mapping[str, Any]]) -> str:
         f"over 1 s predictions are off by {number(error / len(long))} where positions move "
         f"{number(motion / len(long))}, in the mean over the recordings: hardly better than standing still. An input "
         "that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a wrong "
-        "`input_matrix`: of inputs `symoden data check` sees little."
+        "`input_matrix`: `symoden data check` cannot see all of that."
     )
 
 

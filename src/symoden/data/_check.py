@@ -16,6 +16,7 @@ from ._facts import ChannelFacts
 from ._feedback import find_feedback
 from ._findings import SHOWN_SPANS, Finding, refusal
 from ._kinematics import AGREES
+from ._late_inputs import find_late_inputs
 from ._left_out import find_absent, find_masked, find_merged
 from ._lengths import find_short
 from ._logs import Log, angles
@@ -160,7 +161,8 @@ def _assembled(
         check_trainable(dataset)
     except DataError as error:
         return [refusal(error)]
-    return [*find_short(dataset), *find_fast_sampling(dataset), *find_feedback(dataset, is_angle)]
+    inputs = *find_feedback(dataset, is_angle), *find_late_inputs(dataset, description.input_delay, is_angle)
+    return [*find_short(dataset), *find_fast_sampling(dataset), *inputs]
 
 
 def _check(

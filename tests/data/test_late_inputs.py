@@ -1,0 +1,60 @@
+"""Inputs that act later than they were logged are named with their delay, others are not."""
+
+import numpy as np
+import pytest
+
+from symoden.data import check_dataset
+
+STEP = 0.01
+
+
+def pendulum(path, delay, *, seed=0, samples=2000, noise=1e-3):
+    """A damped pendulum with steps of its input, logged as they are commanded."""
+    rng = np.random.default_rng(seed)
+    ts = STEP * np.arange(samples)
+    u = np.repeat(rng.uniform(-2, 2, samples // 50 + 1), 50)[:samples]
+    late = round(delay / STEP)
+    acts = np.concatenate([np.zeros(late), u])[:samples]
+    states = np.zeros((samples, 2))
+    for k in range(samples - 1):
+        q, v = states[k]
+        for _ in range(10):
+            v += STEP / 10 * (acts[k] - 4 * np.sin(q) - 0.5 * v)
+            q += STEP / 10 * v
+        states[k + 1] = q, v
+    measured = states + rng.normal(0, noise, states.shape) * [1, 3]
+    np.savetxt(path / "run.csv", np.column_stack([ts, measured, u]), delimiter=",", header="t,q,v,u", comments="")
+
+
+def described(path, more=""):
+    """A description of it, and what is said of the inputs."""
+    file = path / "run.toml"
+    file.write_text(
+        f'space = "T1"\ntime = "t"\npositions = ["q"]\nvelocities = ["v"]\ninputs = ["u"]\n{more}\n'
+        '[train]\nfiles = ["run.csv"]\n'
+    )
+    return [one for one in check_dataset(file).findings if one.kind == "delay"]
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.1, 0.15])
+@pytest.mark.parametrize("noise", [0.0, 3e-3])
+def test_a_late_input_is_named_with_its_delay(tmp_path, delay, noise):
+    pendulum(tmp_path, delay, noise=noise)
+    (one,) = described(tmp_path)
+    assert (one.level, one.channel) == ("note", "u")
+    said = float(one.advice.partition("`input_delay = ")[2].partition("`")[0])
+    assert said == pytest.approx(delay, abs=0.015)
+    (rest,) = described(tmp_path, "input_delay = 0.02")  # Both together are as late.
+    assert float(rest.advice.partition("`input_delay = ")[2].partition("`")[0]) == pytest.approx(delay, abs=0.015)
+    assert described(tmp_path, f"input_delay = {delay}") == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_an_input_that_acts_at_once_is_not(tmp_path, seed):
+    pendulum(tmp_path, 0.0, seed=seed)
+    assert described(tmp_path) == []
+
+
+def test_noise_hides_it_and_nothing_is_said(tmp_path):
+    pendulum(tmp_path, 0.1, noise=0.3)
+    assert described(tmp_path) == []
