@@ -2,15 +2,20 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from symoden.data import Dataset, Trajectory
 from symoden.integrate import RK4, rollout
-from symoden.models import BlockConfig, ModelConfig
+from symoden.models import BlockConfig, ModelConfig, build
+from symoden.spaces import Space
 from symoden.systems import LinkChain, Pendulum
-from symoden.training import TrainingConfig, fit
+from symoden.training import TrainingConfig, _data, fit
+from symoden.training._levenberg_stage import LevenbergStage
+from symoden.training._state import Incumbent, TrainingState
+from symoden.training._weighing import Weighing
 
 CONSTANT = BlockConfig(constant=True)
 CORRECTED = BlockConfig(hidden=(3,), constant=True)
@@ -142,3 +147,26 @@ def in_strides():
                 return
 
     return fit_on
+
+
+@pytest.fixture
+def stage(pendulum, small, quick):
+    """Levenberg-Marquardt on a pendulum, and the state that it begins with."""
+    dataset = pendulum()
+    model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
+    data = _data.levenberg_data(dataset, model, quick)
+    state = TrainingState(
+        stage=0,
+        step=1,
+        model=model,
+        memory=None,
+        damping=1e-4,
+        substeps=1,
+        weighing=Weighing.plain(3),
+        best=model,
+        best_loss=1.0,
+        origin=0,
+        stale=0,
+        incumbent=Incumbent(model, None, 0, Weighing.plain(3)),
+    )
+    return LevenbergStage(data, quick, "levenberg-marquardt", quick.lm_steps), state

@@ -22,30 +22,7 @@ from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
 from symoden.training._relevance import Relevance
-from symoden.training._state import Incumbent, TrainingState
 from symoden.training._weighing import Weighing
-
-
-@pytest.fixture
-def stage(pendulum, small, quick):
-    dataset = pendulum()
-    model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
-    data = _data.levenberg_data(dataset, model, quick)
-    state = TrainingState(
-        stage=0,
-        step=1,
-        model=model,
-        memory=None,
-        damping=1e-4,
-        substeps=1,
-        weighing=Weighing.plain(3),
-        best=model,
-        best_loss=1.0,
-        origin=0,
-        stale=0,
-        incumbent=Incumbent(model, None, 0, Weighing.plain(3)),
-    )
-    return LevenbergStage(data, quick, "levenberg-marquardt", quick.lm_steps), state
 
 
 def test_it_ends_when_nothing_is_left_to_explain_or_nothing_is_gained_or_steps_run_out(stage, quick):
@@ -294,27 +271,6 @@ def test_priors_that_time_ran_out_for_have_brought_what_they_have_by_then(stage,
     assert told(verdict) == f"{kept} -{worse} standard errors, more than -1 wanted"
     assert eqx.tree_equal(settled.best, during.model if kept else started.best)
     assert settled.best_loss == pytest.approx(report.validation if kept else started.best_loss)
-
-
-def test_friction_that_learned_priors_set_free_is_named(stage, monkeypatch):
-    stage, state = stage
-    model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))  # It has laws of friction.
-    state = state._replace(model=model, best=model, incumbent=state.incumbent._replace(model=model))
-    data = stage.data._replace(validation=stage.data.train)
-    relevance = dataclasses.replace(stage, data=data, steps=1, corrections=FRICTION, learns=True, margin=-1.0)
-    monkeypatch.setattr(type(data), "compare", lambda *_: 0.5)
-    for named in (True, False):  # The second time they are free already.
-        state, report = relevance.advance(relevance.start(state))
-        assert report.verdict.startswith("kept (")
-        assert report.verdict.endswith("; frees friction's laws too, under learned priors)") == named
-
-
-@pytest.mark.parametrize(("windows", "words"), [(1, " of 1 window"), (4, " of 4 windows"), (5, "")])
-def test_verdicts_of_few_windows_say_how_many(stage, windows, words):
-    stage, state = stage
-    data = stage.data._replace(validation=stage.data.train.take(np.arange(windows) % len(stage.data.train.ts)))
-    _, why = data.gain(state.best, 1.0, state.best, stage.objective(1, state.weighing))
-    assert why.endswith(f"+0.0 standard errors{words}")
 
 
 def test_learning_ends_where_neither_the_evidence_nor_the_fit_gains(stage, monkeypatch):

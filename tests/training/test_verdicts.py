@@ -1,0 +1,32 @@
+"""What is said of a stage beside whether it is kept."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+from symoden.blocks import FRICTION
+from symoden.models import ModelConfig, build
+from symoden.spaces import Space
+
+
+def test_friction_that_learned_priors_set_free_is_named(stage, monkeypatch):
+    stage, state = stage
+    model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))  # It has laws of friction.
+    state = state._replace(model=model, best=model, incumbent=state.incumbent._replace(model=model))
+    data = stage.data._replace(validation=stage.data.train)
+    relevance = dataclasses.replace(stage, data=data, steps=1, corrections=FRICTION, learns=True, margin=-1.0)
+    monkeypatch.setattr(type(data), "compare", lambda *_: 0.5)
+    for named in (True, False):  # The second time they are free already.
+        state, report = relevance.advance(relevance.start(state))
+        assert report.verdict.startswith("kept (")
+        assert report.verdict.endswith("; frees friction's laws too, under learned priors)") == named
+
+
+@pytest.mark.parametrize(("windows", "words"), [(1, " of 1 window"), (4, " of 4 windows"), (5, "")])
+def test_verdicts_of_few_windows_say_how_many(stage, windows, words):
+    stage, state = stage
+    data = stage.data._replace(validation=stage.data.train.take(np.arange(windows) % len(stage.data.train.ts)))
+    _, why = data.gain(state.best, 1.0, state.best, stage.objective(1, state.weighing))
+    assert why.endswith(f"+0.0 standard errors{words}")
