@@ -6,11 +6,10 @@ import numpy as np
 
 from ._dataset import Dataset
 from ._findings import Finding
+from ._regression import unseen_residuals
 
 _FOLLOWS: Final = 0.8  # Share of an input's variance; 0.87 on a measured ball on a beam whose input training lost.
 _CONSTANT: Final = 1e-12  # Variance that is rounding, relative to the mean square.
-_RANK: Final = 1e-6  # Relative to the largest singular value: what changes less tells nothing.
-_BLOCKS: Final = 8  # Stretches.
 _MANY: Final = 5  # Samples for each number of the regression.
 
 
@@ -33,11 +32,9 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     q, rates, us = (np.concatenate([getattr(each, name) for each in dataset.train]) for name in ("q", "rates", "us"))
     where = np.where(is_angle, np.cos(q), q), np.where(is_angle, np.sin(q), q**2)
     regressors = np.concatenate([np.ones((len(q), 1)), *where, rates], axis=1)
-    regressors /= np.maximum(np.abs(regressors).max(axis=0), np.finfo(float).tiny)
     if len(q) < 2 * _MANY * regressors.shape[1]:
         return []
-    halves = [np.arange(len(q)) * _BLOCKS // len(q) % 2 == k for k in (0, 1)]
-    left = np.concatenate([us[a] - regressors[a] @ _fit(regressors[b], us[b]) for a, b in (halves, halves[::-1])])
+    left = unseen_residuals(regressors, us)
     spread = np.var(us, axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(spread > _CONSTANT * np.mean(us**2, axis=0), 1 - np.mean(left**2, axis=0) / spread, 0.0)
@@ -56,8 +53,3 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             "signal of its own on top (steps, a chirp, noise), or give what is known: `input_matrix`, V under [known].",
         )
     ]
-
-
-def _fit(regressors: np.ndarray, us: np.ndarray) -> np.ndarray:
-    """Coefficients of a regression."""
-    return np.linalg.lstsq(regressors, us, rcond=_RANK)[0]

@@ -1,13 +1,14 @@
 """Inputs that act later than they were logged."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from ._dataset import Dataset
 from ._findings import Finding
+from ._regression import unseen_residuals
 from ._trajectory import Trajectory
 
 _LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less.
@@ -16,8 +17,6 @@ _BUMP: Final = 0.15  # [s], or eight samples: what is shorter is noise of the ve
 _FEWEST_STEPS: Final = 8
 _MOST: Final = 800  # Bumps.
 _MANY: Final = 2  # Bumps in either half for each number of the regression.
-_BLOCKS: Final = 8  # Stretches.
-_RANK: Final = 1e-6  # Relative to the largest singular value: what changes less tells nothing.
 _LESS: Final = (
     0.5  # Share of what was left that is left with the delay: 0.3 on a measured aeropendulum, elsewhere 0.67.
 )
@@ -49,17 +48,20 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     if not long or 4 * step > _LONGEST:
         return []
     stride = max(size // 2, sum(map(len, long)) // _MOST, 1)
-    cuts = [(each, np.arange(first, len(each) - size, stride)[:, None] + np.arange(size + 1)) for each in long]
-    fixed = np.concatenate([_under_bumps(_motion(each, is_angle), each.ts, bumps) for each, bumps in cuts])
-    gained = np.concatenate([_gained(each, bumps) for each, bumps in cuts])
+    parts = [
+        _under_bumps(each, np.arange(first, len(each) - size, stride)[:, None] + np.arange(size + 1), is_angle)
+        for each in long
+    ]
+    fixed, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
+    numbers = fixed.shape[1] + dataset.inputs * parts[0].turning.shape[2]
+    if len(fixed) < 2 * _MANY * numbers:
+        return []
     every = np.linspace(0.0, _LONGEST, _DELAYS)
+    variance = np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
     left = []
     for delay in every:
-        pushed = [_pushed(each, bumps, delay, is_angle) for each, bumps in cuts]
-        regressors = np.concatenate([fixed, np.concatenate(pushed)], axis=1)
-        if len(regressors) < 2 * _MANY * regressors.shape[1]:
-            return []
-        left.append(_left(regressors, gained))
+        regressors = np.concatenate([fixed, np.concatenate([part.pushed(delay) for part in parts])], axis=1)
+        left.append(np.mean(unseen_residuals(regressors, gained) ** 2, axis=0) / variance)
     now, best = left[0], int(np.argmin([np.mean(each) for each in left]))
     then, delay = left[best], float(every[best])
     interior = delay > 1.5 * step and best < _DELAYS - 1
@@ -90,43 +92,42 @@ def _motion(recording: Trajectory, is_angle: np.ndarray) -> Float[np.ndarray, "T
     return np.concatenate([np.ones((len(q), 1)), *places, *friction, v[:, i] * v[:, j]], axis=1)
 
 
-def _pushed(
-    recording: Trajectory, bumps: Int[np.ndarray, "B s"], delay: float, is_angle: np.ndarray
-) -> Float[np.ndarray, "B k"]:
-    """∫ w u dt of inputs of some time ago, as they are and as they turn with each angle."""
-    ts, q = recording.ts, recording.q[:, is_angle]
-    weight, _, times = _bumps(ts, bumps)
-    turns = np.concatenate([np.ones((len(q), 1)), np.cos(q), np.sin(q)], axis=1)[bumps]
-    us = np.stack([np.interp(ts[bumps] - delay, ts, column) for column in recording.us.T], axis=2)
-    return np.einsum("bsm,bsa->bma", us, (weight * times)[:, :, None] * turns, optimize=True).reshape(len(bumps), -1)
+class _Bumps(NamedTuple):
+    """A recording under bumps w.
+
+    Attributes:
+        recording: The recording.
+        samples: Its samples under each bump.
+        motion: ∫ w of what accelerates a mechanism beside its inputs.
+        gained: ∫ w dv.
+        turning: w dt of every sample as it is, and as it turns with each angle.
+    """
+
+    recording: Trajectory
+    samples: Int[np.ndarray, "B s"]
+    motion: Float[np.ndarray, "B k"]
+    gained: Float[np.ndarray, "B n"]
+    turning: Float[np.ndarray, "B s a"]
+
+    def pushed(self, delay: float) -> Float[np.ndarray, "B k"]:
+        """∫ w u dt of inputs of some time ago, as they are and as they turn with each angle."""
+        ts = self.recording.ts
+        at = ts[self.samples] - delay
+        us = np.stack([np.interp(at, ts, column) for column in self.recording.us.T], axis=2)
+        return np.einsum("bsm,bsa->bma", us, self.turning, optimize=True).reshape(len(at), -1)
 
 
-def _bumps(ts: np.ndarray, bumps: Int[np.ndarray, "B s"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The weight of every sample of every bump, its slope, and the time that the sample counts for."""
-    at = ts[bumps]
-    span = at[:, -1:] - at[:, :1]
+def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray) -> _Bumps:
+    """Integrate a recording under bumps (1 − x²)²."""
+    at, q = recording.ts[samples], recording.q[:, is_angle]
+    span, times = at[:, -1:] - at[:, :1], np.gradient(at, axis=1)
     x = 2 * (at - at[:, :1]) / span - 1
-    times = np.gradient(at, axis=1)
-    return (1 - x**2) ** 2, -8 * x * (1 - x**2) / span, times
-
-
-def _under_bumps(signal: Float[np.ndarray, "T k"], ts: np.ndarray, bumps: Int[np.ndarray, "B s"]) -> np.ndarray:
-    """∫ w signal dt of every bump."""
-    weight, _, times = _bumps(ts, bumps)
-    return np.einsum("bs,bsk->bk", weight * times, signal[bumps])
-
-
-def _gained(recording: Trajectory, bumps: Int[np.ndarray, "B s"]) -> np.ndarray:
-    """∫ w dv of every bump."""
-    _, slope, times = _bumps(recording.ts, bumps)
-    return -np.einsum("bs,bsk->bk", slope * times, recording.rates[bumps])
-
-
-def _left(regressors: Float[np.ndarray, "B k"], gained: Float[np.ndarray, "B n"]) -> Float[np.ndarray, " n"]:
-    """Share of the variance that either half of the stretches does not tell of the other."""
-    scaled = regressors / np.maximum(np.abs(regressors).max(axis=0), np.finfo(float).tiny)
-    halves = [np.arange(len(gained)) * _BLOCKS // len(gained) % 2 == k for k in (0, 1)]
-    off = [
-        gained[a] - scaled[a] @ np.linalg.lstsq(scaled[b], gained[b], rcond=_RANK)[0] for a, b in (halves, halves[::-1])
-    ]
-    return np.mean(np.concatenate(off) ** 2, axis=0) / np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
+    weight, slope = (1 - x**2) ** 2, -8 * x * (1 - x**2) / span
+    turns = np.concatenate([np.ones((len(q), 1)), np.cos(q), np.sin(q)], axis=1)
+    return _Bumps(
+        recording=recording,
+        samples=samples,
+        motion=np.einsum("bs,bsk->bk", weight * times, _motion(recording, is_angle)[samples]),
+        gained=-np.einsum("bs,bsk->bk", slope * times, recording.rates[samples]),
+        turning=(weight * times)[:, :, None] * turns[samples],
+    )

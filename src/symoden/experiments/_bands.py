@@ -216,12 +216,24 @@ class _Path(NamedTuple):
     variance: Float[np.ndarray, "T n"]
 
 
+def judged_windows(recording: Trajectory) -> list[tuple[int, int]]:
+    """Find the windows that bands are judged and drawn over: those of 1 s, or a shorter recording as a whole.
+
+    Args:
+        recording: Any recording.
+
+    Returns:
+        Samples [start, stop) of each.
+    """
+    return one_second_windows(recording) or [(0, len(recording))]
+
+
 def _windows_of(recordings: Sequence[Trajectory]) -> list[Stretch]:
     """Windows of 1 s, of many some; a recording that is shorter, such as a held-out end, is one window."""
     found = [
         Stretch(trajectory=recording, start=start, stop=stop)
         for recording in recordings
-        for start, stop in one_second_windows(recording) or [(0, len(recording))]
+        for start, stop in judged_windows(recording)
     ]
     return [found[i] for i in spaced_evenly(len(found), _MOST_WINDOWS)]
 

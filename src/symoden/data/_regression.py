@@ -1,0 +1,33 @@
+"""A regression that is judged by what it did not see."""
+
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+_BLOCKS: Final = 8  # Stretches.
+_RANK: Final = 1e-6  # Relative to the largest singular value: what changes less tells nothing.
+
+
+def unseen_residuals(
+    regressors: Float[np.ndarray, "T k"], targets: Float[np.ndarray, "T n"]
+) -> Float[np.ndarray, "T n"]:
+    """What is left of targets where every other of eight stretches is predicted from the rest.
+
+    In a short, smooth motion anything follows anything that was fitted to it.
+
+    Args:
+        regressors: A column for each number of the regression.
+        targets: What to predict.
+
+    Returns:
+        The residuals, of the first half of the stretches and then of the second.
+    """
+    scaled = regressors / np.maximum(np.abs(regressors).max(axis=0), np.finfo(float).tiny)
+    halves = [np.arange(len(targets)) * _BLOCKS // len(targets) % 2 == k for k in (0, 1)]
+    return np.concatenate(
+        [
+            targets[a] - scaled[a] @ np.linalg.lstsq(scaled[b], targets[b], rcond=_RANK)[0]
+            for a, b in (halves, halves[::-1])
+        ]
+    )
