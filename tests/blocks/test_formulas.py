@@ -101,21 +101,22 @@ def test_the_inverse_of_a_positive_matrix_is_its_inverse(size, seed):
     assert inverse @ matrix == pytest.approx(np.eye(size), abs=1e-9)
 
 
+@eqx.filter_jit
+def slopes_along(invert, matrix, direction, weights):
+    def pulled(t):
+        return jnp.vdot(weights, invert(matrix + t * direction))
+
+    return jnp.stack([derivative(0.0) for derivative in (jax.grad(pulled), jax.grad(jax.grad(pulled)))])
+
+
 @pytest.mark.parametrize("size", [1, 2, 3, 6])
 @given(seed=seeds)
 def test_the_inverse_has_the_derivatives_of_an_inverse(size, seed):
     generator = np.random.default_rng(seed)
     factor, slope, weights = generator.normal(size=(3, size, size))
-    matrix = jnp.asarray(factor @ factor.T + 0.1 * np.eye(size))
-
-    def along(invert):
-        def pulled(t):
-            return jnp.vdot(jnp.asarray(weights), invert(matrix + t * jnp.asarray(slope @ slope.T)))
-
-        return [float(derivative(0.0)) for derivative in (jax.grad(pulled), jax.grad(jax.grad(pulled)))]
-
-    with jax.enable_x64(True):
-        assert along(inverse_of_positive) == pytest.approx(along(jnp.linalg.inv), rel=1e-6, abs=1e-6)
+    at = (factor @ factor.T + 0.1 * np.eye(size), slope @ slope.T, weights)
+    expected = np.asarray(slopes_along(jnp.linalg.inv, *at))
+    assert np.asarray(slopes_along(inverse_of_positive, *at)) == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 6])

@@ -18,6 +18,7 @@ from symoden.spaces import Space
 from .conftest import CART_POLE, FULL, PENDULUM, rate_of, slide
 
 CONTROLLERS = {name: EnergyShaping.of(system, target, limits=limit) for name, (system, target, limit) in FULL.items()}
+FREE = {name: EnergyShaping.of(system, target) for name, (system, target, _) in FULL.items()}
 CALLS = {name: eqx.filter_jit(controller) for name, controller in CONTROLLERS.items()}
 numbers = st.lists(st.floats(-4, 4), min_size=4, max_size=4)
 
@@ -30,14 +31,13 @@ def state(name, values):
 @pytest.mark.parametrize("name", FULL)
 @given(values=numbers)
 def test_the_desired_energy_falls_by_friction_and_by_damping_alone(name, values):
-    system, controller = FULL[name][0], CONTROLLERS[name]
+    system, controller, free = FULL[name][0], CONTROLLERS[name], FREE[name]
     q, v = state(name, values)
     rate, _ = rate_of(system, controller, q, v)
     friction = float(v @ system.dissipation_matrix(q, v) @ v)
     assert rate <= -(1 - float(controller.compensation)) * friction + 1e-9
-    free = EnergyShaping.of(system, FULL[name][1])  # Without limits all of it acts.
     y = system.input_matrix(q).T @ v
-    rate, _ = rate_of(system, free, q, v)
+    rate, _ = rate_of(system, free, q, v)  # Without limits all of it acts.
     assert rate == pytest.approx(
         -(1 - float(free.compensation)) * friction - float(y @ free.damping @ y), rel=1e-6, abs=1e-9
     )

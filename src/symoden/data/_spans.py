@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from jaxtyping import Int
 
-from ._cubics import LEAST, MOST_CELLS, Cells, Cubics, cell_starts, fit_cubics
+from ._cubics import LEAST, MOST_CELLS, Cells, Cubics, SlopeFilter, cell_starts, fit_cubics
 from ._noise import rounding_and_noise
 from ._shapes import Signals, Times
 
@@ -25,11 +25,21 @@ class _Band(NamedTuple):
     windows: tuple[int, ...]  # Cells of the others; the first one is the last one of the band before.
 
 
-class _Joined(NamedTuple):
-    """Recordings one after another; no window spans two."""
+class _Joined:
+    """Recordings one after another; no window spans two.
 
-    ts: Times
-    lengths: tuple[int, ...]
+    Attributes:
+        ts: Time stamps of all [s], increasing.
+        lengths: Number of samples of each.
+        filters: What slopes are made by, of each band that was asked for: of every coordinate and path the same.
+    """
+
+    def __init__(self, ts: Sequence[np.ndarray]) -> None:
+        """Put the recordings one after another, far from each other."""
+        apart = 2 * max(float(np.ptp(each)) for each in ts)
+        self.ts = np.concatenate([each - each[0] + k * apart for k, each in enumerate(ts)])
+        self.lengths = tuple(len(each) for each in ts)
+        self.filters: dict[_Band, list[SlopeFilter]] = {}
 
     def cells(self, signals: Signals, size: int) -> tuple[Cells, list["_Block"]]:
         """Cells of so many samples; of many cells, some blocks."""
@@ -95,10 +105,7 @@ def choose_spans(ts: Sequence[np.ndarray], q: Sequence[np.ndarray]) -> Int[np.nd
     References:
         Charnigo, Hall and Srinivasan (2011), *A generalized Cp criterion for derivative estimation*.
     """
-    apart = 2 * max(float(np.ptp(each)) for each in ts)
-    joined = _Joined(
-        np.concatenate([each - each[0] + k * apart for k, each in enumerate(ts)]), tuple(len(each) for each in ts)
-    )
+    joined = _Joined(ts)
     columns = np.concatenate(q)
     spans = []
     for k in range(columns.shape[1]):
@@ -163,13 +170,9 @@ def _compare(
     windows = [window for window in band.windows if window <= max(LEAST, longest // 2)]
     if not windows or longest < windows[-1]:
         return []
-    widest = windows[-1]
-    ts = cells.ts[np.concatenate([block.inside(widest) for block in blocks])]
-    fits = []
-    for window in (LEAST, *windows):
-        cubics = fit_cubics(cells, window)
-        centres = np.concatenate([block.centres(window, widest) for block in blocks]) - window // 2
-        fits.append((cubics.slopes(ts, centres), float(np.mean(cubics.variances(ts, centres)))))
+    if band not in joined.filters:
+        joined.filters[band] = _filters(cells, blocks, windows)
+    fits = [(each.slopes(cells.means), float(np.mean(each.variances))) for each in joined.filters[band]]
     (narrow, _), *rest = fits
     found = []
     for window, (slopes, gain) in zip(windows, rest, strict=True):
@@ -179,6 +182,20 @@ def _compare(
         error = float(np.mean(slopes[0] * (slopes[0] - 2 * narrow[0])))
         found.append((error + 2 * _CAUTION * share, share, window * band.size))
     return found
+
+
+def _filters(cells: Cells, blocks: Sequence[_Block], windows: Sequence[int]) -> list[SlopeFilter]:
+    """What makes slopes of the narrowest window, then of the others, wherever the widest of them lies within a block."""
+    ts = cells.ts[np.concatenate([block.inside(windows[-1]) for block in blocks])]
+    return [
+        SlopeFilter.of(
+            cells,
+            window,
+            ts,
+            np.concatenate([block.centres(window, windows[-1]) for block in blocks]) - window // 2,
+        )
+        for window in (LEAST, *windows)
+    ]
 
 
 def _bands() -> Iterator[_Band]:
