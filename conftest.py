@@ -43,11 +43,10 @@ gc.set_threshold(50_000, 20, 50)
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
-jax.config.update("jax_debug_key_reuse", True)
 
 if (_cache := _compilation_cache()) is not None:
     jax.config.update("jax_compilation_cache_dir", str(_cache))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 # The same examples on every machine; no deadline, because the first call of a test compiles.
 hypothesis.settings.register_profile("symoden", derandomize=True, deadline=None, max_examples=50, print_blob=True)

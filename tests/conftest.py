@@ -18,6 +18,13 @@ from symoden.spaces import Space
 from symoden.training import TrainingConfig
 
 
+@pytest.fixture
+def single_use_keys():
+    """Refuse a random key that is used twice; in every test it would take a tenth of the time."""
+    with jax.debug_key_reuse(True):
+        yield
+
+
 @pytest.fixture(scope="session")
 def scrambled():
     """Replace every trainable number of a model, frozen corrections and friction included, by seeded normal noise."""

@@ -41,6 +41,7 @@ def test_a_part_of_a_period_delays_in_between():
     assert ends[2] == pytest.approx(ends[3], abs=1e-5)
 
 
+@pytest.mark.usefixtures("single_use_keys")
 def test_noise_is_measured_and_not_felt():
     quiet, noisy, again = (
         run_episodes(PENDULUM, SHAPING, *START, Loop(duration=0.5, noise=noise), seed=3) for noise in (0.0, 0.1, 0.1)

@@ -1,6 +1,8 @@
 """Logs of an arm of two joints, their description, and what a check finds in them."""
 
+import jaxtyping
 import numpy as np
+import pytest
 
 from symoden.data import check_dataset
 
@@ -15,6 +17,14 @@ inputs = ["u1", "u2"]
 files = [{files}]
 """
 NAMES = ("t", "q1", "q2", "v1", "v2", "u1", "u2")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _unchecked_annotations():
+    """Leave the check of annotations to the other folders, whose tests read data too: here it takes half of the time."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 def arm(seed=0, *, samples=2000, step=0.005, quantum=0.0, noise=0.0, amplitude=1.0, jitter=0.3):

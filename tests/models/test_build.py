@@ -146,6 +146,7 @@ def test_arguments_of_build_change_the_motion():
     assert np.abs(motion(made(BASE, input_matrix=np.array([[3.0], [0.0]]))) - base).max() > 1e-6
 
 
+@pytest.mark.usefixtures("single_use_keys")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_same_key_gives_the_same_weights_and_any_number_of_inputs_fits(kind):
     config = dataclasses.replace(BASE, kind=kind)

@@ -44,6 +44,7 @@ def test_the_parameters_of_a_damped_pendulum_are_recovered(pendulum):
     assert learned / float(g) == pytest.approx(true, abs=0.05 * np.abs(true).max())
 
 
+@pytest.mark.usefixtures("single_use_keys")
 def test_the_same_seed_gives_the_same_bits_and_another_others(pendulum, small, quick):
     config = dataclasses.replace(quick, restarts=1, growth_steps=0, relevance_steps=0)
     first, again, other = (
