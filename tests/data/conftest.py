@@ -21,7 +21,7 @@ NAMES = ("t", "q1", "q2", "v1", "v2", "u1", "u2")
 
 @pytest.fixture(scope="module", autouse=True)
 def _unchecked_annotations():
-    """Leave the check of annotations to the other folders, whose tests read data too: here it takes half of the time."""
+    """Leave the check of annotations to other folders, whose tests read data too: here it takes half of the time."""
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
     jaxtyping.config.update("jaxtyping_disable", False)

@@ -185,7 +185,7 @@ def _compare(
 
 
 def _filters(cells: Cells, blocks: Sequence[_Block], windows: Sequence[int]) -> list[SlopeFilter]:
-    """What makes slopes of the narrowest window, then of the others, wherever the widest of them lies within a block."""
+    """What makes slopes of the narrowest window, then of the others, where the widest lies within a block."""
     ts = cells.ts[np.concatenate([block.inside(windows[-1]) for block in blocks])]
     return [
         SlopeFilter.of(
