@@ -308,4 +308,4 @@ def test_a_clock_in_another_unit_is_blamed_and_not_the_velocities(tmp_path, size
     (finding,) = (one for one in check.recordings[0].findings if one.kind == "unit")
     assert (finding.level, finding.channel) == ("warning", "")
     assert f"time stamps in {unit}, not in s?" in finding.text
-    assert f'units = {{stamp = "{unit}"}}' in finding.advice
+    assert f'units = {{t = "{unit}"}}' in finding.advice

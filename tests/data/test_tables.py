@@ -8,8 +8,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 from symoden.data import DataError
+from symoden.data._layout import find_layout
 from symoden.data._readers import read_rows
-from symoden.data._tables import find_layout, find_short_lines, place
+from symoden.data._tables import find_short_lines, place
 
 ALL = slice(0, None)
 
@@ -113,6 +114,11 @@ LAYOUTS = [
     ("\tt\tq\n1\t0\t2\n", ["", "t", "q"], 2),
     ('t,q\n"never closed', ["t", "q"], 2),
     ("# t,q\n", ["t", "q"], 3),
+    ("Booting\nsketch 1.2, gain 3, rate 9\nt\tq\n0\t1\n1\t2\n2\t3\n", ["t", "q"], 4),
+    ("Test of 3 May\nt,q\ns,deg\n0,1\n1,2\n2,3\n", ["t", "q"], 4),
+    ("Booting\nall is well\n0;5\n1;2\n2;3\n", ["1", "2"], 3),
+    ("Booting\n\n# a remark\nt q u\n0 1 2\n1 2 3\n2 3 4\n", ["t", "q", "u"], 5),
+    ("one, two\nthree\n0,1\n1,2\n2,3\n", ["one", "two"], 2),  # Names come first; what follows is named by its line.
 ]
 
 
@@ -122,6 +128,31 @@ def test_names_units_and_comments_are_told_from_rows(text, names, line):
     assert list(layout.names) == names
     assert layout.line == line
     assert text[: layout.start].count("\n") == min(line, text.count("\n") + 1) - 1
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "cp1252"])
+@pytest.mark.parametrize("ending", ["", ".gz"])
+def test_what_spreadsheets_save_is_read_whatever_its_encoding(tmp_path, encoding, ending):
+    text = ("\ufeff" if encoding == "utf-16-be" else "") + "Zeit;Winkel [°]\r\n0;1,5\r\n1;x\r\n2;4\r\n"
+    path = tmp_path / f"run.csv{ending}"
+    path.write_bytes(gzip.compress(text.encode(encoding)) if ending else text.encode(encoding))
+    read = read_rows(path, {"x": ("Zeit",)}, ALL).signals["x"]
+    np.testing.assert_array_equal(read[:, 0], [0, 1, 2])
+    with pytest.raises(DataError, match=r"column `Winkel \[°\]`, line 3 \(row 1\): must be a number or empty; got 'x'"):
+        read_rows(path, {"x": ("Winkel [°]",)}, ALL)
+
+
+def test_a_file_that_ends_within_a_character_is_cut_off(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_bytes("a;b [°]".encode()[:-2])
+    with pytest.raises(DataError, match="must be a complete CSV file in UTF-8"):
+        read_rows(path, {"x": ("a",)}, ALL)
+
+
+def test_a_name_may_keep_the_mark_of_comments_that_its_line_has(tmp_path):
+    path = written(tmp_path / "run.csv", "%time,field.position0\n0,1\n1,2\n")
+    for name in ("%time", "time"):
+        np.testing.assert_array_equal(read_rows(path, {"x": (name,)}, ALL).signals["x"][:, 0], [0, 1])
 
 
 def test_a_line_that_lacks_a_cell_between_blanks_lacks_all(tmp_path):
@@ -154,6 +185,24 @@ def test_dates_are_seconds_since_1970(tmp_path, between, shift):
     found = read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0]
     start = 1.76e9 - (7200 if shift == "+0200" else 0)
     np.testing.assert_allclose(found, [start, start + 0.008, start + 0.0165, np.nan], atol=1e-6, rtol=0)
+
+
+@pytest.mark.parametrize("point", [".", ","])
+def test_times_of_day_are_seconds_and_go_on_after_midnight(tmp_path, point):
+    times = ["9:59:59", f"10:04:01{point}25", "", "23:59:59", "00:00:00", f"23:00:00{point}5", "1:00:00"]
+    path = written(tmp_path / "run.csv", "t;q\n" + "".join(f"{time};1.5\n" for time in times))
+    found = read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0]
+    day = 86400.0
+    np.testing.assert_array_equal(
+        found, [35999, 36241.25, np.nan, day - 1, day, day + 82800.5, 2 * day + 3600], strict=True
+    )
+
+
+@pytest.mark.parametrize("odd", ["10:04", "10:4:01", "now", "1.5"])
+def test_a_time_of_day_among_others_that_is_none_is_named(tmp_path, odd):
+    path = written(tmp_path / "run.csv", f"t\n10:04:01\n{odd}\n")
+    with pytest.raises(DataError, match=r"column `t`, line 2 \(row 0\): must be a number or empty; got '10:04:01'"):
+        read_rows(path, {"x": ("t",)}, ALL)
 
 
 def test_date_types_are_seconds_since_1970_too(tmp_path):

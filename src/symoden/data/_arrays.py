@@ -79,7 +79,7 @@ def read_mat(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
 
     Args:
         path: File.
-        names: The variables.
+        names: The variables; fields of structs behind points.
 
     Returns:
         The variables by name, with MATLAB's axes.
@@ -90,7 +90,9 @@ def read_mat(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
     with path.open("rb") as file:
         header = file.read(_HEADER)
     if header.startswith(b"MATLAB 7.3"):
-        return {name: array.T for name, array in read_hdf5(path, names).items()}
+        places = {name: name.replace(".", "/") for name in names}  # A struct is a group of HDF5.
+        arrays = read_hdf5(path, list(places.values()))
+        return {name: arrays[place].T for name, place in places.items()}
     try:
         return read_mat5(path, names)
     except DataError:

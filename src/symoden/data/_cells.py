@@ -9,11 +9,14 @@ import numpy as np
 import polars as pl
 
 from ._errors import DataError, listing, missing
-from ._tables import NOTHING, place
+from ._layout import NOTHING
+from ._tables import place
 
 _WHOLE: Final = re.compile(r"^([+-]?\d+)\.0*$")
 _DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _ZONE: Final = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
+_CLOCK: Final = r"^(\d{1,2}):(\d\d):(\d\d(?:[.,]\d*)?)$"  # Time of day.
+_DAY: Final = 86_400.0  # s
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
@@ -28,7 +31,7 @@ def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np
 
     Returns:
         The column; NaN where a cell is empty or says that it is. Dates with a time are seconds since 1970, UTC where
-        they name no zone.
+        they name no zone; times of day are seconds since the midnight before the first.
 
     Raises:
         DataError: If the column is absent or twice there, or a cell is no number.
@@ -36,7 +39,7 @@ def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np
     column = _column(path, frame, name)
     if column.dtype == pl.String:
         column = column.str.strip_chars()
-    column = _seconds(column)
+    column = _since_midnight(_seconds(column))
     if column.dtype == pl.String:
         cast = column.cast(pl.Float64, strict=False)
         _refuse_text(path, name, column, cast.is_null() & ~_is_empty(column), first_row)
@@ -124,6 +127,8 @@ def label(value: str | float) -> str:
 
 def _column(path: Path, frame: pl.DataFrame, name: str) -> pl.Series:
     """A column that is there once."""
+    if name not in frame.columns and name.lstrip("#%") in frame.columns:
+        name = name.lstrip("#%")  # A mark of comments before the names, which is no part of the first.
     if name not in frame.columns:
         numbered = frame.columns == [str(i + 1) for i in range(frame.width)]
         hint = " No line names the columns: their numbers do, from 1 on." if numbered else ""
@@ -146,6 +151,20 @@ def _seconds(column: pl.Series) -> pl.Series:
     if column.dtype != pl.Datetime:
         return column
     return column.dt.epoch("ns").cast(pl.Float64) / 1e9
+
+
+def _since_midnight(column: pl.Series) -> pl.Series:
+    """Times of day as seconds, a day more after each midnight; another column as it is."""
+    if column.dtype != pl.String or not re.match(_CLOCK, next(iter(column.drop_nulls().head(1)), "")):
+        return column
+    fields = column.str.replace(",", ".", literal=True).str.extract_groups(_CLOCK).struct.unnest()
+    hours, minutes, seconds = (fields.to_series(i).cast(pl.Float64) for i in range(3))
+    if (hours.is_null() & ~_is_empty(column)).any():
+        return column  # Its words will be named.
+    clock = (hours * 3600 + minutes * 60 + seconds).to_numpy(writable=True)
+    there = np.flatnonzero(np.isfinite(clock))
+    clock[there] += _DAY * np.cumsum(np.diff(clock[there], prepend=clock[there[:1]]) < -_DAY / 2)
+    return pl.Series(clock)
 
 
 def _is_empty(column: pl.Series) -> pl.Series:

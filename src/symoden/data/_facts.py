@@ -75,6 +75,7 @@ class Facts:
         inputs: Facts of each input.
         ratios: For each coordinate, its displacements against its integrated velocity; empty without velocities.
         units: Factors that the description gives to columns.
+        clock: Name of the column of time stamps; empty where rows are counted.
     """
 
     rows: np.ndarray
@@ -89,6 +90,7 @@ class Facts:
     inputs: tuple[ChannelFacts, ...]
     ratios: tuple[Ratio, ...]
     units: Mapping[str, float]
+    clock: str = ""
 
     @property
     def channels(self) -> tuple[ChannelFacts, ...]:
@@ -145,6 +147,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
         inputs=_channels(ts, us, log, "input", longest),
         ratios=ratios,
         units=description.units,
+        clock=log.names["time"][0] if "time" in log.names else "",
     )
 
 

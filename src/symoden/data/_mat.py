@@ -1,10 +1,11 @@
 """Reading MATLAB files of version 5, as `save` writes them by default.
 
-SciPy's reader ends the whole process on some damaged files; this one only knows arrays of real numbers, and checks
-every length before it reads.
+SciPy's reader ends the whole process on some damaged files; this one only knows arrays of real numbers and structs of
+these, and checks every length before it reads.
 """
 
 import math
+import re
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Mapping
@@ -13,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from ._errors import DataError, missing
+from ._errors import DataError, listing, missing
 from ._limits import LARGEST, refuse_large
 
 _HEADER = 128  # bytes of text, version and byte order
@@ -22,7 +23,10 @@ _START = 512  # bytes of a compressed variable that hold its sizes and its name
 _COMPLEX = 0x800
 _NUMBERS: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _CLASSES: Final = {1: "a cell", 2: "a struct", 3: "an object", 4: "text", 5: "a sparse matrix", 16: "a function"}
+_STRUCT = 2
 _REAL_CLASSES = range(6, 16)
+_STEP: Final = re.compile(r"(?P<name>\w+)(\((?P<number>\d+)\))?")  # On the way through structs.
+_DEPTH = 4  # Of structs in structs whose fields messages list.
 
 
 def read_mat5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
@@ -30,7 +34,7 @@ def read_mat5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
 
     Args:
         path: File.
-        names: The variables.
+        names: The variables; fields of structs as MATLAB writes them, `log.signals(2).values`.
 
     Returns:
         The variables by name.
@@ -47,14 +51,64 @@ def read_mat5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
     order = {b"IM": "<", b"MI": ">"}.get(bytes(contents[_HEADER - 2 : _HEADER]))
     if order is None:
         raise ValueError("the header is none of version 5 or 7.3")
+    wanted = {re.split(r"[.(]", name)[0] for name in names}
     found: dict[str, memoryview] = {}
     for kind, body in _elements(contents[_HEADER:], order):
         name = _name(_matrix(kind, body, order, _START), order)
-        found[name] = _matrix(kind, body, order, LARGEST) if name in names else body[:0]
-    for name in names:
-        if name not in found:
-            raise DataError(missing(path, name, filter(None, found), kind="variable"))
-    return {name: _array(path, name, found[name], order) for name in names}
+        if name:
+            found[name] = _matrix(kind, body, order, LARGEST) if name in wanted else body[:0]
+    return {name: _array(path, name, _inside(path, name, found, order), order) for name in names}
+
+
+def _inside(path: Path, name: str, found: Mapping[str, memoryview], order: str) -> memoryview:
+    """What a name leads to, through structs if it has points."""
+    at, steps = found, name.split(".")
+    for k, each in enumerate(steps, start=1):
+        step = _STEP.fullmatch(each)
+        if step is None or step["name"] not in at:
+            raise DataError(missing(path, name, _leaves(found, order), kind="variable"))
+        body, sofar = at[step["name"]], ".".join([*steps[: k - 1], step["name"]])
+        if k == len(steps) and step["number"] is None:
+            return body
+        parts = _struct(body, order) if _class(body, order) == _STRUCT else []
+        number = int(step["number"] or 1)
+        if not 0 < number <= len(parts) or (step["number"] is None and len(parts) > 1):
+            kind = f"an array of {len(parts)} structs" if parts else "no struct that has fields"
+            every = listing(_leaves({sofar: body}, order))
+            raise DataError(f"`{path}`: `{name}` leads nowhere: `{sofar}` is {kind}. What it holds: {every}.")
+        at = parts[number - 1]
+    raise DataError(f"`{path}`: variable `{name}` must hold real numbers; got a struct of {listing(at)}. Name a field.")
+
+
+def _class(matrix: memoryview, order: str) -> int:
+    """What a variable is: 2 for a struct, 6 and more for numbers; 0 where nothing of it was read."""
+    return struct.unpack_from(f"{order}I", next(_elements(matrix, order))[1])[0] & 0xFF if len(matrix) else 0
+
+
+def _struct(matrix: memoryview, order: str) -> list[dict[str, memoryview]]:
+    """Fields of every element of an array of structs."""
+    _, (_, shape), _, (_, length), (_, text), *values = _elements(matrix, order)
+    size, count = struct.unpack_from(f"{order}i", length)[0], math.prod(np.frombuffer(shape, f"{order}i4").tolist())
+    if size <= 0 or len(text) % size or any(kind != _MATRIX for kind, _ in values):
+        raise ValueError("the fields of a struct are broken")
+    names = [bytes(text[i : i + size]).partition(b"\0")[0].decode("latin1") for i in range(0, len(text), size)]
+    if len(values) != count * len(names):
+        raise ValueError(f"a struct of {count} times {len(names)} fields has {len(values)}")
+    bodies = iter([body for _, body in values])
+    return [dict(zip(names, bodies, strict=False)) for _ in range(count if names else 0)]
+
+
+def _leaves(found: Mapping[str, memoryview], order: str, depth: int = _DEPTH) -> list[str]:
+    """Names of everything that is no struct, and of structs that are too deep."""
+    names: list[str] = []
+    for name, body in found.items():
+        parts = _struct(body, order) if depth and _class(body, order) == _STRUCT else []
+        if not parts:
+            names.append(name)
+        for k, part in enumerate(parts, start=1):
+            before = name if len(parts) == 1 else f"{name}({k})"
+            names.extend(f"{before}.{field}" for field in _leaves(part, order, depth - 1))
+    return names
 
 
 def _elements(contents: memoryview, order: str, *, complete: bool = True) -> Iterator[tuple[int, memoryview]]:

@@ -1,7 +1,7 @@
 """Positions and velocities that disagree: wrong units, turned signs, wrong columns, jumps."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -48,8 +48,8 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
     """
     if clock := _clock(facts):
         return [clock]
-    found = _by_name(facts)
-    named = {finding.channel for finding in found}
+    said = _units_in_names(facts)
+    found, named = _by_name(said, facts), set(said)
     for i in range(facts.q.shape[1]):
         ratio = facts.ratios[i] if facts.ratios else None
         if named & {facts.positions[i].name, *(rate.name for rate in facts.rates[i : i + 1])}:
@@ -59,21 +59,31 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
     return found
 
 
-def _by_name(facts: Facts) -> list[Finding]:
-    """Positions and velocities whose names say another unit than they are read in."""
+def _units_in_names(facts: Facts) -> dict[str, tuple[str, str]]:
+    """Positions and velocities whose names say another unit than they are read in: that unit, and the one read."""
     joints = ["rad" if angle else "m" for angle in facts.is_angle]
     kinds = zip(facts.positions + facts.rates, joints + [f"{unit}/s" for unit in joints], strict=False)
     units = {channel.name: (split_unit(channel.name)[1], si) for channel, si in kinds}
+    return {
+        name: (unit, si)
+        for name, (unit, si) in units.items()
+        if unit and si_of(unit) == si != unit and of_column(name, facts.units) is None
+    }
+
+
+def _by_name(said: Mapping[str, tuple[str, str]], facts: Facts) -> list[Finding]:
+    """One finding of all such columns, so that one line of the description mends them."""
+    if not said:
+        return []
+    texts = [f"the name of `{name}` says {unit}, and it is read as {si}" for name, (unit, si) in said.items()]
     return [
         Finding(
             kind="unit",
             level="warning",
-            channel=name,
-            text=f"the name of `{name}` says {unit}, and it is read as {si}",
-            advice=f"Write {entry({name: unit}, facts.units)}.",
+            channel=next(iter(said)) if len(said) == 1 else "",
+            text="; ".join(texts),
+            advice=f"Write {entry({name: unit for name, (unit, _) in said.items()}, facts.units)}.",
         )
-        for name, (unit, si) in units.items()
-        if unit and si_of(unit) == si != unit and of_column(name, facts.units) is None
     ]
 
 
@@ -89,7 +99,7 @@ def _clock(facts: Facts) -> Finding | None:
                 channel="",
                 text=f"all positions move {size:g} times as far as their velocities say: time stamps in {unit}, not in "
                 "s?",
-                advice=f'Give the column of `time` its unit, such as `units = {{stamp = "{unit}"}}`, or correct `dt`.',
+                advice=f"Write {entry({facts.clock: unit}, facts.units)}." if facts.clock else "Correct `dt`.",
             )
     return None
 
