@@ -89,14 +89,33 @@ def test_what_is_not_finite_is_no_number(tmp_path, name):
 
 
 @every_format
-def test_a_block_of_three_axes_or_complex_numbers_is_refused(tmp_path, name):
-    path = saved(tmp_path, name, q=np.zeros((7, 2, 2)), z=np.ones(7) + 1j)
-    with pytest.raises(
-        DataError, match=r"variable `q` must be \(samples,\) or \(samples, columns\); got shape \(7, 2, 2\)"
+@pytest.mark.parametrize("t", [T, np.stack([T, T + 1, 2 * T])])
+def test_a_block_of_three_axes_is_a_recording_after_another(tmp_path, name, t):
+    q = np.arange(42.0).reshape(3, 7, 2)
+    path = saved(tmp_path, name, t=t, q=q, u=-q[:, :, 0])
+    selectors = {"time": "t", "positions": "q", "rates": ("q[1]", "u"), "inputs": ()}
+    found = read_rows(path, selectors, slice(2, None))
+    np.testing.assert_array_equal(found.signals["positions"], q[:, 2:].reshape(-1, 2))
+    np.testing.assert_array_equal(found.signals["rates"][:, 1], -q[:, 2:, 0].ravel())
+    np.testing.assert_array_equal(found.signals["time"][:, 0], np.broadcast_to(t, (3, 7))[:, 2:].ravel())
+    np.testing.assert_array_equal(found.index, [*range(2, 7), *range(9, 14), *range(16, 21)])
+    assert found.labels is not None
+    assert found.labels.tolist() == 5 * ["0"] + 5 * ["1"] + 5 * ["2"]
+
+
+@every_format
+def test_blocks_that_differ_or_have_four_axes_and_complex_numbers_are_refused(tmp_path, name):
+    path = saved(tmp_path, name, q=np.zeros((3, 7, 2)), r=np.zeros((3, 6, 1)), w=np.zeros((7, 2, 2, 2)), z=T + 1j)
+    for variable, said in (
+        ("r", r"`r` must be \(3, 7\) or \(3, 7, columns\), or \(7,\) for all; got shape \(3, 6(, 1)?\)"),
+        ("w", r"or \(recordings, samples, columns\); got shape \(7, 2, 2, 2\)"),
+        ("z", "variable `z` must hold real numbers; got complex"),
     ):
-        read_rows(path, {"positions": "q"}, ALL)
-    with pytest.raises(DataError, match="variable `z` must hold real numbers; got complex"):
-        read_rows(path, {"positions": "z"}, ALL)
+        selectors = {"positions": "q", "rates": variable} if variable == "r" else {"positions": variable}
+        with pytest.raises(DataError, match=said):
+            read_rows(path, selectors, ALL)
+    with pytest.raises(DataError, match=r"tells recordings apart, numbered from 0; got `recording` = 'q'"):
+        read_rows(path, {"positions": "q"}, ALL, "q")
 
 
 @every_format

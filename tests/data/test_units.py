@@ -259,3 +259,20 @@ def test_names_that_are_the_same_without_their_units_keep_them(tmp_path):
     units = 'units = {"q [mm]" = "mm", "q (°)" = "deg"}'
     path.write_text(NAMED.format(units=units).replace('"x [mm]", "turn (°)"', '"q [mm]", "q (°)"'), encoding="utf-8")
     assert read_dataset(path).position_names == ("q [mm]", "q (°)")
+
+
+@pytest.mark.parametrize(("units", "asked"), [("", True), ('units = {"turn (°)" = "rad"}', False)])
+def test_whether_a_joint_that_turns_many_times_is_in_degrees_is_not_asked_of_one_whose_unit_is_told(
+    tmp_path, units, asked
+):
+    t = np.linspace(0.0, 4.0, 401)
+    rows = np.stack([t, np.sin(2 * t), 40 * np.cos(3 * t), np.sin(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,x,turn (°),u", comments="", encoding="utf-8")
+    path = tmp_path / "arm.toml"
+    path.write_text(NAMED.format(units=units).replace("x [mm]", "x").replace("u [N]", "u"), encoding="utf-8")
+    if asked:  # By its movement alone, not by its name.
+        path.write_text(path.read_text(encoding="utf-8").replace("turn (°)", "turn"), encoding="utf-8")
+        text = (tmp_path / "a.csv").read_text(encoding="utf-8")
+        (tmp_path / "a.csv").write_text(text.replace("turn (°)", "turn"), encoding="utf-8")
+    texts = [each.text for each in check_dataset(path).recordings[0].findings if each.kind == "unit"]
+    assert any("degrees?" in text for text in texts) == asked

@@ -25,7 +25,8 @@ class Part:
     Attributes:
         files: Names or patterns, relative to the description.
         rows: Rows [start, stop) to read of each file, counted from 0; negative ones count from the end.
-        recordings: Those that the column `recording` names so; without any, those that no other part names.
+        recordings: Those that the column `recording` names so, or that arrays of three axes number from 0; without any,
+            those that no other part names.
         split_every: Duration of the segments to split each recording into [s].
     """
 
@@ -205,12 +206,6 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         raise DataError(f"`{path}`: [train] or [test] must name `files`; got neither.")
     if isinstance(description.positions, tuple):
         _refuse_other_size(path, description)
-    for name, part in description.parts.items():
-        if part.recordings and description.recording is None:
-            raise DataError(
-                f"`{path}`: [{name}] `recordings` are told apart by a column; got none. Name it: "
-                '`recording = "trial"` before the tables.'
-            )
     delays = len(description.input_delay)
     if isinstance(description.inputs, tuple) and delays not in (1, len(description.inputs)):
         raise DataError(

@@ -248,7 +248,7 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
     """The rows of a file by what they mean."""
     if len(rows) < 2:
         chosen = description.parts[part].rows != Part.rows
-        which = f"`{description.recording}` = {rows.label}: " if rows.label else ""
+        which = f"`{description.recording or 'recording'}` = {rows.label}: " if rows.label else ""
         raise DataError(
             f"`{rows.path}`: {which}a recording must have at least 2 rows; got {len(rows)}"
             + (f", from row {rows.index[0]} on" if chosen and len(rows) else "")

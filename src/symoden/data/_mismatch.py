@@ -190,7 +190,8 @@ def _in_degrees(facts: Facts, i: int) -> list[Finding]:
     """An angle that turns back and forth further than joints do."""
     position = facts.positions[i]
     way = float(np.abs(np.diff(facts.q[:, i])).sum())
-    if not facts.is_angle[i] or position.span < 2 * np.pi * _TURNS or way < _REVERSES * position.span:
+    told = of_column(position.name, facts.units) is not None
+    if told or not facts.is_angle[i] or position.span < 2 * np.pi * _TURNS or way < _REVERSES * position.span:
         return []
     columns = {position.name: "deg"} | ({facts.rates[i].name: "deg/s"} if facts.rates else {})
     return [

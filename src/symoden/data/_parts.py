@@ -1,4 +1,4 @@
-"""Rows of the files of each part, taken apart into recordings where a column tells them apart."""
+"""Rows of the files of each part, taken apart into recordings where a column or an axis tells them apart."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -91,6 +91,11 @@ def _filled(rows: Rows, recording: str | None) -> np.ndarray:
 def _chosen(path: Path, name: str, wanted: Sequence[str], every: Sequence[Rows]) -> tuple[Rows, ...]:
     """The recordings that a part names."""
     found: Mapping[str, None] = dict.fromkeys(rows.label for rows in every if rows.label is not None)
+    if not found:
+        raise DataError(
+            f"`{path}`: [{name}] `recordings` are told apart by a column, or by the first of three axes of arrays; got "
+            'neither. Name the column: `recording = "trial"` before the tables.'
+        )
     for label in wanted:
         if label not in found:
             raise DataError(

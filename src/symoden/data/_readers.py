@@ -39,7 +39,7 @@ class Rows:
         index: Rows of the file that were read, counted from 0.
         signals: What was asked for, by role ("positions", …): one column per signal.
         names: Names of these columns, by role.
-        labels: Which recording each row belongs to, where a column tells.
+        labels: Which recording each row belongs to, where a column or an axis tells.
         label: The one that they all belong to, where a column tells and they were taken apart by it.
     """
 
@@ -123,6 +123,8 @@ def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, rec
     """Read variables of a file of arrays."""
     variables = {variable_of(name) for name in [*names_in(selectors), *([recording] if recording else [])]}
     arrays = _ARRAYS[suffix_of(path)](path, sorted(variables))
+    if any(array.ndim == 3 for array in arrays.values()):
+        return _from_blocks(path, selectors, arrays, rows, recording)
     columns = {name: _columns(path, name, array) for name, array in arrays.items()}
     _refuse_mixed_lengths(path, columns)
     index = np.arange(len(next(iter(columns.values()))))[rows]
@@ -133,6 +135,34 @@ def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, rec
             [label(x) for x in _single(path, recording, _picked(path, recording, columns))[:, 0].tolist()]
         )
     return _rows_of(path, selectors, columns, index, labels)
+
+
+def _from_blocks(
+    path: Path, selectors: Mapping[str, Selector], arrays: Mapping[str, np.ndarray], rows: slice, recording: str | None
+) -> Rows:
+    """Arrays of several recordings, which their first axis counts; times may be the same for all."""
+    if recording is not None:
+        raise DataError(
+            f"`{path}`: the first axis of its variables tells recordings apart, numbered from 0; got `recording` = "
+            f"{recording!r} as well. Leave it out."
+        )
+    count, samples = next(array.shape[:2] for array in arrays.values() if array.ndim == 3)
+    blocks: dict[str, np.ndarray] = {}
+    for name, array in arrays.items():
+        if array.ndim in (2, 3) and array.shape[:2] == (count, samples):
+            blocks[name] = array.reshape(count, samples, -1)
+        elif array.ndim in (1, 2) and array.size == samples:
+            blocks[name] = np.broadcast_to(array.reshape(1, samples, 1), (count, samples, 1))
+        else:
+            raise DataError(
+                f"`{path}`: beside variables of {count} recordings of {samples} samples, `{name}` must be ({count}, "
+                f"{samples}) or ({count}, {samples}, columns), or ({samples},) for all; got shape {array.shape}. The "
+                "first axis counts recordings: transpose or cut it."
+            )
+    columns = {name: block[:, rows].reshape(-1, block.shape[2]).astype(np.float64) for name, block in blocks.items()}
+    index = np.arange(count * samples).reshape(count, samples)[:, rows]
+    labels = np.repeat([str(i) for i in range(count)], index.shape[1])
+    return _rows_of(path, selectors, columns, index.ravel(), labels)
 
 
 def _rows_of(
@@ -181,8 +211,8 @@ def _columns(path: Path, name: str, array: np.ndarray) -> np.ndarray:
         return array.reshape(-1, 1).astype(np.float64)
     if array.ndim != 2:
         raise DataError(
-            f"`{path}`: variable `{name}` must be (samples,) or (samples, columns); got shape {array.shape}. "
-            "Store one recording per file, or one after the other."
+            f"`{path}`: variable `{name}` must be (samples,), (samples, columns) or (recordings, samples, columns); got "
+            f"shape {array.shape}. Store it as one of these."
         )
     return array.astype(np.float64)
 
