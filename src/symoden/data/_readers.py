@@ -211,8 +211,8 @@ def _columns(path: Path, name: str, array: np.ndarray) -> np.ndarray:
         return array.reshape(-1, 1).astype(np.float64)
     if array.ndim != 2:
         raise DataError(
-            f"`{path}`: variable `{name}` must be (samples,), (samples, columns) or (recordings, samples, columns); got "
-            f"shape {array.shape}. Store it as one of these."
+            f"`{path}`: variable `{name}` must be (samples,), (samples, columns) or (recordings, samples, columns); "
+            f"got shape {array.shape}. Store it as one of these."
         )
     return array.astype(np.float64)
 
