@@ -5,10 +5,12 @@ import math
 import pytest
 
 from symoden.cli._scores import poor
+from symoden.experiments import RecordingScore, WindowScore
 
 
 def recording(error, motion):
-    return {"window_rmse": {"median": error}, "motion": motion}
+    window = WindowScore(horizon_s=1.0, median=error, mean=error)
+    return RecordingScore(name="run", split="train", samples=200, window_rmse=window, rollout_rmse=error, motion=motion)
 
 
 @pytest.mark.parametrize(

@@ -70,12 +70,15 @@ def _predictions(learned: Learned) -> Iterator["PageSection"]:
     except ValueError as error:
         bands, words = None, [str(error)]
     drawn = min(MOST_DRAWN, len(recordings))
+    scores = scores_of(model, config, learned.source)
+    if scores.warning:
+        words.insert(0, f"Warning: {scores.warning}")
     yield PageSection(
         heading="Predictions",
         words=words,
         figure=draw_unseen(model, config, dataset, bands),
         caption=f"The first {drawn} of {len(recordings)} {split} recordings, and rollouts along them.",
-        tables=[_text(scores_of(model, config, learned.source)[1])],
+        tables=[_text(scores.table)],
     )
 
 

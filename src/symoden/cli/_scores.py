@@ -2,9 +2,9 @@
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 from symoden.blocks import count_parameters
 from symoden.experiments import (
@@ -28,6 +28,20 @@ _FEW = 4  # Coordinates that have a column each.
 _POOR: Final = 0.5  # Share of the way that positions go in a second.
 
 
+class Scores(NamedTuple):
+    """Scores of a model.
+
+    Attributes:
+        values: For JSON.
+        table: As they are printed.
+        warning: What to say of them; mostly nothing.
+    """
+
+    values: dict[str, object]
+    table: TableText
+    warning: str = ""
+
+
 def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> dict[str, object]:
     """Score a model on a task or on a data set, and print the table unless JSON was asked for.
 
@@ -40,27 +54,26 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
     Returns:
         The scores for JSON.
     """
-    scores, table = scores_of(model, config, source)
+    scores = scores_of(model, config, source)
     if not json:
-        print_table(*table)
-    recordings = scores.get("recordings")
-    if isinstance(recordings, list) and (warning := poor(recordings)):
-        print(f"warning: {warning}", file=sys.stderr)
-    return scores
+        print_table(*scores.table)
+    if scores.warning:
+        print(f"warning: {scores.warning}", file=sys.stderr)
+    return scores.values
 
 
-def poor(recordings: Sequence[Mapping[str, Any]]) -> str:
+def poor(recordings: Sequence[RecordingScore]) -> str:
     """What to say of predictions that are hardly better than none.
 
     Args:
-        recordings: Scores of recordings, as `evaluate --json` prints them.
+        recordings: Scores of recordings.
 
     Returns:
         The words; none where predictions are better, or no recording is as long as a window.
     """
-    long = [each for each in recordings if math.isfinite(each["motion"])]
-    error = sum(each["window_rmse"]["median"] for each in long)
-    motion = sum(each["motion"] for each in long)
+    long = [each for each in recordings if math.isfinite(each.motion)]
+    error = sum(each.window_rmse.median for each in long)
+    motion = sum(each.motion for each in long)
     if error <= _POOR * motion:
         return ""
     return (
@@ -71,7 +84,7 @@ def poor(recordings: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> tuple[dict[str, object], TableText]:
+def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Scores:
     """Score a model on a task or on a data set.
 
     Args:
@@ -80,18 +93,20 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> tup
         source: What to score on.
 
     Returns:
-        The scores for JSON, and as a table.
+        The scores.
     """
     solver = evaluation_solver(config)
     if source.task is None:
         recordings = score_recordings(model, source.dataset, solver=solver)
-        return {"recordings": [asdict(recording) for recording in recordings]}, _recordings(
-            recordings, model.space, config.data.position_names
+        return Scores(
+            {"recordings": [asdict(recording) for recording in recordings]},
+            _recordings(recordings, model.space, config.data.position_names),
+            poor(recordings),
         )
     score = score_task(model, source, solver=solver)
     errors = {f"{name}_error": getattr(score, name)._asdict() for name in _ERRORS}
     described = {"task": source.task.name, "model": config.model.kind, "parameters": count_parameters(model)}
-    return described | errors, _errors(score, source.task, config.model.kind)
+    return Scores(described | errors, _errors(score, source.task, config.model.kind))
 
 
 def _errors(score: TaskScore, task: Task, kind: str) -> TableText:
