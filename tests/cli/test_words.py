@@ -66,4 +66,4 @@ def test_bands_that_miss_many_positions_are_called_too_narrow(coverage, narrow):
     words = band_words(score)
     assert words.startswith("90% bands over windows of 0.97 s cover")
     assert f"cover {coverage:.1%} of the positions of the test recordings" in words
-    assert words.endswith("the bands are too narrow here") == narrow
+    assert ("the bands are too narrow here" in words) == narrow

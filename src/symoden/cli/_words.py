@@ -144,7 +144,13 @@ def band_words(score: BandScore) -> str:
         f"{score.level:.0%} bands over windows of {number(score.horizon_s)} s cover {score.coverage:.1%} of the "
         f"positions of the {score.split} recordings; median half width {number(score.half_width)}, "
         f"{score.from_parameters:.0%} of the variance from uncertain parameters; width set by the {calibrated} "
-        "recordings" + (", which move otherwise: the bands are too narrow here" if narrow else "")
+        "recordings"
+        + (
+            ", which move otherwise: the bands are too narrow here. Train on recordings that move so, or look for what the "
+            "model lacks, such as an `input_delay`"
+            if narrow
+            else ""
+        )
     )
 
 
