@@ -146,8 +146,8 @@ def band_words(score: BandScore) -> str:
         f"{score.from_parameters:.0%} of the variance from uncertain parameters; width set by the {calibrated} "
         "recordings"
         + (
-            ", which move otherwise: the bands are too narrow here. Train on recordings that move so, or look for what the "
-            "model lacks, such as an `input_delay`"
+            ", which move otherwise: the bands are too narrow here. Train on recordings that move so, or look for what "
+            "the model lacks, such as an `input_delay`"
             if narrow
             else ""
         )
