@@ -6,6 +6,21 @@ import pytest
 
 from symoden.data import check_dataset
 
+WHOLE = {
+    f"test_{name}"
+    for name in (
+        "accuracy",
+        "arrivals",
+        "blind",
+        "check",
+        "clocks",
+        "impossible",
+        "late",
+        "masking",
+        "stuck",
+        "velocities",
+    )
+}
 TEXT = """
 space = "T2"
 time = "t"
@@ -20,11 +35,13 @@ NAMES = ("t", "q1", "q2", "v1", "v2", "u1", "u2")
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _unchecked_annotations():
-    """Leave the check of annotations to other folders, whose tests read data too: here it takes half of the time."""
-    jaxtyping.config.update("jaxtyping_disable", True)
+def _unchecked_annotations(request):
+    """Do not check annotations where whole data sets are read again and again: there it takes 40 % of the time."""
+    before = jaxtyping.config.jaxtyping_disable
+    if request.path.stem in WHOLE:
+        jaxtyping.config.update("jaxtyping_disable", True)
     yield
-    jaxtyping.config.update("jaxtyping_disable", False)
+    jaxtyping.config.update("jaxtyping_disable", before)
 
 
 def arm(seed=0, *, samples=2000, step=0.005, quantum=0.0, noise=0.0, amplitude=1.0, jitter=0.3):

@@ -114,6 +114,11 @@ def test_blocks_that_differ_or_have_four_axes_and_complex_numbers_are_refused(tm
         selectors = {"positions": "q", "rates": variable} if variable == "r" else {"positions": variable}
         with pytest.raises(DataError, match=said):
             read_rows(path, selectors, ALL)
+    for shape in ((0, 7, 2), (3, 0, 2), (3, 7, 0)):
+        path = saved(tmp_path, name, q=np.zeros(shape))
+        with pytest.raises(DataError):
+            read_rows(path, {"positions": "q"}, ALL)
+    path = saved(tmp_path, name, q=np.zeros((3, 7, 2)))
     with pytest.raises(DataError, match=r"tells recordings apart, numbered from 0; got `recording` = 'q'"):
         read_rows(path, {"positions": "q"}, ALL, "q")
 

@@ -119,6 +119,22 @@ LAYOUTS = [
     ("Booting\nall is well\n0;5\n1;2\n2;3\n", ["1", "2"], 3),
     ("Booting\n\n# a remark\nt q u\n0 1 2\n1 2 3\n2 3 4\n", ["t", "q", "u"], 5),
     ("one, two\nthree\n0,1\n1,2\n2,3\n", ["one", "two"], 2),  # Names come first; what follows is named by its line.
+    ("t,q,u\n0.0,1,2,\n0.1,1,2,\n0.2,1,2,\n0.3,1,2,\n", ["t", "q", "u"], 2),
+    ("t;q;\n0.0;1;;\n0.1;1;;\n0.2;1;;\n0.3;1;;\n", ["t", "q", ""], 2),
+    ("t,q,u,comment\n0,1,2,start\n0.1,1,2\n0.2,1,2\n0.3,1,2\n", ["t", "q", "u", "comment"], 2),
+    ("t q u\n0 1 2\n0.1 1\n0.2 1\n0.3 1\n0.4 1 2\n", ["t", "q", "u"], 2),
+    ("t,q,mode\n" + "0.1,1,run\n" * 9 + "0.1,1\n" * 9, ["t", "q", "mode"], 2),
+    ("t q\n1 0.1 2\n2 0.2 2\n3 0.3 2\n4 0.4 2\n", ["t q"], 2),  # As R writes it: refused by its line.
+    ("q\n0,5\n0,6\n0,7\n0,8\n", ["q"], 2),
+    ("Boot\nt,q,u\n0,err,1\n0.1,2,3\n0.2,2,3\n0.3,2,3\n", ["t", "q", "u"], 3),
+    ("Boot\nt,q,u\n,,\n0.1,2,3\n0.2,2,3\n0.3,2,3\n", ["t", "q", "u"], 3),
+    ("Boot\nt,q,u\nsec,degC,lbf\n0.1,2,3\n0.2,2,3\n0.3,2,3\n", ["t", "q", "u"], 3),
+    ("Logger v5\nt,q\n10:00:00,1\n10:00:01,nan\n10:00:02,3\n", ["t", "q"], 3),
+    (
+        "Logger v5\nt,q\n2025-10-09T08:53:20Z,1\n2025-10-09T08:53:21Z,2\n2025-10-09T08:53:22Z,3\n",
+        ["t", "q"],
+        3,
+    ),
 ]
 
 
@@ -142,16 +158,25 @@ def test_what_spreadsheets_save_is_read_whatever_its_encoding(tmp_path, encoding
         read_rows(path, {"x": ("Winkel [°]",)}, ALL)
 
 
-def test_a_file_that_ends_within_a_character_is_cut_off(tmp_path):
+@pytest.mark.parametrize(
+    ("contents", "said"),
+    [
+        ("a;b [°]".encode()[:-2], "Perhaps it was cut off"),
+        ("a;b\n1;2\n".encode("utf-16")[:-1], "Perhaps it was cut off"),
+        ("a;b [°]\n1;2".encode() + b"\xff;3\n", "position 12: invalid start byte. Save it as one"),
+    ],
+)
+def test_text_that_is_broken_is_refused_and_not_taken_for_another_encoding(tmp_path, contents, said):
     path = tmp_path / "run.csv"
-    path.write_bytes("a;b [°]".encode()[:-2])
-    with pytest.raises(DataError, match="must be a complete CSV file in UTF-8"):
+    path.write_bytes(contents)
+    with pytest.raises(DataError, match="must be a complete CSV file in UTF-8") as caught:
         read_rows(path, {"x": ("a",)}, ALL)
+    assert said in str(caught.value)
 
 
 def test_a_name_may_keep_the_mark_of_comments_that_its_line_has(tmp_path):
     path = written(tmp_path / "run.csv", "%time,field.position0\n0,1\n1,2\n")
-    for name in ("%time", "time"):
+    for name in ("%time", "time", "# time"):
         np.testing.assert_array_equal(read_rows(path, {"x": (name,)}, ALL).signals["x"][:, 0], [0, 1])
 
 
@@ -189,19 +214,35 @@ def test_dates_are_seconds_since_1970(tmp_path, between, shift):
 
 @pytest.mark.parametrize("point", [".", ","])
 def test_times_of_day_are_seconds_and_go_on_after_midnight(tmp_path, point):
-    times = ["9:59:59", f"10:04:01{point}25", "", "23:59:59", "00:00:00", f"23:00:00{point}5", "1:00:00"]
+    times = ["9:59:59", f"10:04:01{point}25", "", "21:59:59", "00:00:00", f"11:00:00{point}5", "22:00:00", "1:00:00"]
     path = written(tmp_path / "run.csv", "t;q\n" + "".join(f"{time};1.5\n" for time in times))
     found = read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0]
     day = 86400.0
     np.testing.assert_array_equal(
-        found, [35999, 36241.25, np.nan, day - 1, day, day + 82800.5, 2 * day + 3600], strict=True
+        found, [35999, 36241.25, np.nan, 79199, day, day + 39600.5, day + 79200, 2 * day + 3600], strict=True
     )
 
 
-@pytest.mark.parametrize("odd", ["10:04", "10:4:01", "now", "1.5"])
+def test_a_day_that_rows_out_of_order_seem_to_begin_is_none(tmp_path):
+    path = written(tmp_path / "run.csv", "t\n \nnan\n23:59:59.9\n00:00:00.1\n23:59:59.95\n00:00:00.2\n00:00:00.3\n")
+    day = 86400.0
+    np.testing.assert_allclose(
+        read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0],
+        [np.nan, day - 0.1, day + 0.1, day - 0.05, day + 0.2, day + 0.3],
+        rtol=0,
+        atol=1e-9,
+    )
+
+
+def test_a_long_rest_within_a_day_is_one(tmp_path):
+    path = written(tmp_path / "run.csv", "t\n01:00:00\n14:00:00\n14:00:01\n")
+    np.testing.assert_array_equal(read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0], [3600, 50400, 50401])
+
+
+@pytest.mark.parametrize("odd", ["10:04", "10:4:01", "now", "1.5", "10:04:75", "10:60:00", "100:00:00", "١٠:٠٤:٠١"])
 def test_a_time_of_day_among_others_that_is_none_is_named(tmp_path, odd):
     path = written(tmp_path / "run.csv", f"t\n10:04:01\n{odd}\n")
-    with pytest.raises(DataError, match=r"column `t`, line 2 \(row 0\): must be a number or empty; got '10:04:01'"):
+    with pytest.raises(DataError, match=rf"column `t`, line 3 \(row 1\): must be a number or empty; got '{odd}'"):
         read_rows(path, {"x": ("t",)}, ALL)
 
 

@@ -243,6 +243,7 @@ def test_units_in_names_are_asked_for_and_left_out_once_the_numbers_have_others(
     found = [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"]
     assert [part.split(",")[0] for each in found for part in each.text.split(" says ")[1:]] == said
     assert len(found) == bool(said)  # One line mends all.
+    assert all(f'"{unit}"' in found[0].advice for unit in said)
     if said:
         with pytest.warns(DataWarning, match="the name of"):
             dataset = read_dataset(path)
@@ -261,7 +262,9 @@ def test_names_that_are_the_same_without_their_units_keep_them(tmp_path):
     assert read_dataset(path).position_names == ("q [mm]", "q (°)")
 
 
-@pytest.mark.parametrize(("units", "asked"), [("", True), ('units = {"turn (°)" = "rad"}', False)])
+@pytest.mark.parametrize(
+    ("units", "asked"), [("", True), ("units = {turn = -1}", True), ('units = {"turn (°)" = "rad"}', False)]
+)
 def test_whether_a_joint_that_turns_many_times_is_in_degrees_is_not_asked_of_one_whose_unit_is_told(
     tmp_path, units, asked
 ):

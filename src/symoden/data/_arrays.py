@@ -92,13 +92,18 @@ def read_mat(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
     if header.startswith(b"MATLAB 7.3"):
         places = {name: name.replace(".", "/") for name in names}  # A struct is a group of HDF5.
         arrays = read_hdf5(path, list(places.values()))
-        return {name: arrays[place].T for name, place in places.items()}
+        return {name: _time_first(arrays[place].T) for name, place in places.items()}
     try:
-        return read_mat5(path, names)
+        return {name: _time_first(array) for name, array in read_mat5(path, names).items()}
     except DataError:
         raise
     except Exception as error:  # A broken file can fail anywhere in the parser.
         raise DataError(_broken(path, "MAT", error)) from error
+
+
+def _time_first(array: np.ndarray) -> np.ndarray:
+    """Columns n × 1 × T, as Simulink logs vectors, as T × n; another array as it is."""
+    return array[:, 0, :].T if array.ndim == 3 and array.shape[1] == 1 < array.shape[2] else array
 
 
 def _read_npy(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:

@@ -15,7 +15,7 @@ from ._tables import place
 _WHOLE: Final = re.compile(r"^([+-]?\d+)\.0*$")
 _DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
 _ZONE: Final = re.compile(r"(Z|[+-]\d\d:?\d\d)$")
-_CLOCK: Final = r"^(\d{1,2}):(\d\d):(\d\d(?:[.,]\d*)?)$"  # Time of day.
+_CLOCK: Final = r"^([0-9]{1,2}):([0-5][0-9]):((?:[0-5][0-9]|60)(?:[.,][0-9]*)?)$"  # Time of day.
 _DAY: Final = 86_400.0  # s
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
@@ -39,7 +39,9 @@ def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np
     column = _column(path, frame, name)
     if column.dtype == pl.String:
         column = column.str.strip_chars()
-    column = _since_midnight(_seconds(column))
+    column = _seconds(column)
+    if column.dtype == pl.String and re.match(_CLOCK, _first(column)):
+        return _since_midnight(path, name, column, first_row)
     if column.dtype == pl.String:
         cast = column.cast(pl.Float64, strict=False)
         _refuse_text(path, name, column, cast.is_null() & ~_is_empty(column), first_row)
@@ -105,7 +107,7 @@ def texts(path: Path, frame: pl.DataFrame, name: str) -> np.ndarray:
     if not (column.dtype.is_integer() or column.dtype in (pl.String, pl.Boolean, pl.Categorical, pl.Enum)):
         raise DataError(f"`{path}`: column `{name}` must hold numbers or words; got {column.dtype}.")
     words = column.cast(pl.String).fill_null("").str.strip_chars()
-    empty = _is_empty(words) | (words.str.to_lowercase() == "nan")
+    empty = _says_nothing(words)
     return np.array(["" if none else label(word) for word, none in zip(words, empty, strict=True)], str)
 
 
@@ -127,8 +129,8 @@ def label(value: str | float) -> str:
 
 def _column(path: Path, frame: pl.DataFrame, name: str) -> pl.Series:
     """A column that is there once."""
-    if name not in frame.columns and name.lstrip("#%") in frame.columns:
-        name = name.lstrip("#%")  # A mark of comments before the names, which is no part of the first.
+    if name not in frame.columns and (bare := name.lstrip("#% ")) in frame.columns and bare:
+        name = bare  # A mark of comments before the names is no part of the first.
     if name not in frame.columns:
         numbered = frame.columns == [str(i + 1) for i in range(frame.width)]
         hint = " No line names the columns: their numbers do, from 1 on." if numbered else ""
@@ -141,11 +143,11 @@ def _column(path: Path, frame: pl.DataFrame, name: str) -> pl.Series:
 def _seconds(column: pl.Series) -> pl.Series:
     """Dates with a time, also ISO 8601's as text, as seconds since 1970; another column as it is."""
     if column.dtype == pl.String:
-        first = column.drop_nulls().head(1).to_list()
-        if not first or not _DATE.match(first[0]):
+        first = _first(column)
+        if not _DATE.match(first):
             return column
         try:
-            column = column.str.to_datetime(time_unit="ns", time_zone="UTC" if _ZONE.search(first[0]) else None)
+            column = column.str.to_datetime(time_unit="ns", time_zone="UTC" if _ZONE.search(first) else None)
         except pl.exceptions.PolarsError:
             return column  # Its words will be named.
     if column.dtype != pl.Datetime:
@@ -153,18 +155,28 @@ def _seconds(column: pl.Series) -> pl.Series:
     return column.dt.epoch("ns").cast(pl.Float64) / 1e9
 
 
-def _since_midnight(column: pl.Series) -> pl.Series:
-    """Times of day as seconds, a day more after each midnight; another column as it is."""
-    if column.dtype != pl.String or not re.match(_CLOCK, next(iter(column.drop_nulls().head(1)), "")):
-        return column
+def _since_midnight(path: Path, name: str, column: pl.Series, first_row: int) -> np.ndarray:
+    """Times of day as seconds since the midnight before the first; NaN where there is none."""
     fields = column.str.replace(",", ".", literal=True).str.extract_groups(_CLOCK).struct.unnest()
     hours, minutes, seconds = (fields.to_series(i).cast(pl.Float64) for i in range(3))
-    if (hours.is_null() & ~_is_empty(column)).any():
-        return column  # Its words will be named.
-    clock = (hours * 3600 + minutes * 60 + seconds).to_numpy(writable=True)
+    _refuse_text(path, name, column, hours.is_null() & ~_says_nothing(column), first_row)
+    clock = (hours * 3600 + minutes * 60 + seconds).fill_null(math.nan).to_numpy(writable=True)
     there = np.flatnonzero(np.isfinite(clock))
-    clock[there] += _DAY * np.cumsum(np.diff(clock[there], prepend=clock[there[:1]]) < -_DAY / 2)
-    return pl.Series(clock)
+    days, jumps = np.zeros(len(there)), np.diff(clock[there], prepend=clock[there[:1]])
+    for k in np.flatnonzero(np.abs(jumps) > _DAY / 2):  # Past midnight; and back, where rows are out of order.
+        days[k:] = max(0.0, days[k] - np.sign(jumps[k]))
+    clock[there] += _DAY * days
+    return clock
+
+
+def _first(column: pl.Series) -> str:
+    """The first cell of a column of texts that says something."""
+    return next(iter(column.filter(~_says_nothing(column)).head(1)), "")
+
+
+def _says_nothing(column: pl.Series) -> pl.Series:
+    """Which cells of a column of texts are empty, or NaN."""
+    return _is_empty(column) | (column.str.to_lowercase() == "nan").fill_null(value=True)
 
 
 def _is_empty(column: pl.Series) -> pl.Series:
@@ -182,6 +194,8 @@ def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first
             advice = (
                 "Dates are read where all of the column are of one form of ISO 8601, such as 2025-10-09T08:53:20.25Z."
             )
+        if re.match(r"[0-9]+:", column[row]):
+            advice = "Times of day are read where all of the column are like 10:04:01.3."
         if _DECIMAL_COMMA.fullmatch(column[row]):
             advice = (
                 "Decimal commas are read where semicolons or tabs separate the columns and no number has a point: "

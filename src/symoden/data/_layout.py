@@ -8,12 +8,15 @@ from typing import Final, NamedTuple
 
 NOTHING: Final = ("", "na", "n/a", "null", "none")
 """What tables write where a sample is missing; NaN is a number."""
+_NO_NUMBERS: Final = (*NOTHING, "nan", "inf", "-inf")
 _COMMENTS: Final = ("#", "%")
 _DECLARATION: Final = re.compile(r'"?sep=.?"?', re.IGNORECASE)  # Of the separator, for spreadsheets.
 _PREAMBLE: Final = 2000  # Lines in which the rows of a table begin.
 _NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
 _NO_UNIT = re.compile(r"[][(){}\s*/·.^²³0-9-]+")
-_ROWS: Final = 3  # That follow each other tell where a table begins.
+_PROSE: Final = 200  # Lines before the names.
+_ALIKE: Final = 3  # Rows one after another that tell where a table begins.
+_STAMP: Final = re.compile(r"[0-9]{1,2}:[0-9]{2}:[0-9]{2}|[0-9]{4}-[0-9]{2}-[0-9]{2}")
 _UNIT = re.compile(  # What a line under the names is made of, if it is one of units.
     r"[mµu]?s|ns|min|h|secs?|seconds?|[mcku]?m|m?rad|deg(ree)?s?|°|rev|rpm|[mk]?n|m?nm|[mk]?v|m?a|k?w|k?hz|j|k?g|k?pa|bar|"
     r"c|k|counts?|ticks?|%",
@@ -82,21 +85,39 @@ def find_layout(text: str) -> Layout:
 def _without_prose(lines: list[tuple[int, int, str]]) -> list[tuple[int, int, str]]:
     """Lines from the names of the columns on: a program may have said something before.
 
+    Rows are looked for first; names are the lowest line above them that has as many words. Where the first line is
+    such, or what stands above the rows may be names that do not fit them, nothing is left out: messages will say so.
+
     Returns:
-        The lines; all of them unless rows of numbers begin below, and the first line has another number of cells.
+        The lines.
     """
-    for k in range(1, len(lines) - _ROWS + 1):
-        texts = [text for _, _, text in lines[k : k + _ROWS]]
-        separator = _separator(*texts[:2])
-        rows = [cells_of(text, separator) for text in texts]
+    for k in range(2, min(len(lines) - _ALIKE, _PROSE) + 1):
+        separator = _separator(lines[k][2], lines[k + 1][2])
+        rows = [_filled(cells_of(text, separator)) for _, _, text in lines[k : k + _ALIKE]]
         columns = len(rows[0])
-        if columns > 1 and all(len(cells) == columns and _said(cells) for cells in rows):
-            above = [len(cells_of(text, separator)) == columns for _, _, text in lines[:k]]
-            if above[0]:  # Names come first, as in any table.
-                return lines
-            units = k > 1 and all(above[-2:]) and _is_units(cells_of(lines[k - 1][2], separator))
-            return lines[k - (2 if units else 1 if above[-1] else 0) :]
+        if columns < 2 or not all(len(cells) == columns and all(map(_is_value, cells)) for cells in rows):
+            continue
+        above = [_filled(cells_of(text, separator)) for _, _, text in lines[:k]]
+        named = [len(cells) >= columns and not any(cell and _is_value(cell) for cell in cells) for cells in above]
+        if named[0] or (not any(named) and len(above[-1]) > 1):
+            return lines
+        if not any(named):
+            return lines[k:]
+        first = k - 1 - named[::-1].index(True)
+        while separator != " " and named[first - 1]:  # Units that nobody knows; of blanks any sentence has many.
+            first -= 1
+        return lines[first:]
     return lines
+
+
+def _filled(cells: Sequence[str]) -> list[str]:
+    """Cells up to the last one that is not empty."""
+    return list(cells[: max((i for i, cell in enumerate(cells, start=1) if cell), default=0)])
+
+
+def _is_value(cell: str) -> bool:
+    """Whether a cell is a number, a date, a time of day, or says that nothing is there."""
+    return cell.lower() in _NO_NUMBERS or _is_number(cell) or _STAMP.match(cell) is not None
 
 
 def _lines(text: str, start: int = 0) -> Iterator[tuple[int, int, str]]:
@@ -138,15 +159,15 @@ def _is_number(cell: str) -> bool:
     return _NUMBER.fullmatch(cell) is not None
 
 
-def _said(cells: Sequence[str]) -> list[str]:
+def _numbers_of(cells: Sequence[str]) -> list[str]:
     """Numbers of a line that has no words; none of another one."""
-    said = [cell for cell in cells if cell.lower() not in (*NOTHING, "nan", "inf", "-inf")]
+    said = [cell for cell in cells if cell.lower() not in _NO_NUMBERS]
     return said if all(map(_is_number, said)) else []
 
 
 def _is_row(cells: Sequence[str]) -> bool:
     """Whether a line is one of numbers; those that only count the columns, as of a table without names, are names."""
-    said = _said(cells)
+    said = _numbers_of(cells)
     counted = [str(i) for i in range(len(said) + 1)]
     return bool(said) and said not in (counted[:-1], counted[1:])
 

@@ -4,6 +4,7 @@ SciPy's reader ends the whole process on some damaged files; this one only knows
 these, and checks every length before it reads.
 """
 
+import itertools
 import math
 import re
 import struct
@@ -22,11 +23,15 @@ _MATRIX, _COMPRESSED = 14, 15
 _START = 512  # bytes of a compressed variable that hold its sizes and its name
 _COMPLEX = 0x800
 _NUMBERS: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-_CLASSES: Final = {1: "a cell", 2: "a struct", 3: "an object", 4: "text", 5: "a sparse matrix", 16: "a function"}
-_STRUCT = 2
+_CLASSES: Final = {1: "a cell", 2: "a struct", 3: "an object", 4: "text", 5: "a sparse matrix", 16: "a function"} | {
+    17: "an object, such as a `timeseries`: save its numbers (`ts.Time`, `ts.Data`)"
+}
+_STRUCT, _OPAQUE = 2, 17
 _REAL_CLASSES = range(6, 16)
 _STEP: Final = re.compile(r"(?P<name>\w+)(\((?P<number>\d+)\))?")  # On the way through structs.
 _DEPTH = 4  # Of structs in structs whose fields messages list.
+_LISTED = 8  # Elements of an array of structs whose fields they list.
+_MOST_FIELDS = 100_000  # Of an array of structs: each takes 40 times as much memory as in the file.
 
 
 def read_mat5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
@@ -68,28 +73,37 @@ def _inside(path: Path, name: str, found: Mapping[str, memoryview], order: str) 
         if step is None or step["name"] not in at:
             raise DataError(missing(path, name, _leaves(found, order), kind="variable"))
         body, sofar = at[step["name"]], ".".join([*steps[: k - 1], step["name"]])
-        if k == len(steps) and step["number"] is None:
-            return body
         parts = _struct(body, order) if _class(body, order) == _STRUCT else []
+        if k == len(steps) and step["number"] is None and not parts:
+            return body
         number = int(step["number"] or 1)
+        if not parts:
+            raise DataError(f"`{path}`: `{name}` leads nowhere: `{sofar}` is no struct that has fields.")
         if not 0 < number <= len(parts) or (step["number"] is None and len(parts) > 1):
-            kind = f"an array of {len(parts)} structs" if parts else "no struct that has fields"
             every = listing(_leaves({sofar: body}, order))
-            raise DataError(f"`{path}`: `{name}` leads nowhere: `{sofar}` is {kind}. What it holds: {every}.")
+            raise DataError(
+                f"`{path}`: `{name}` leads nowhere: `{sofar}` is an array of {len(parts)} structs. It holds {every}."
+            )
         at = parts[number - 1]
-    raise DataError(f"`{path}`: variable `{name}` must hold real numbers; got a struct of {listing(at)}. Name a field.")
+    every = listing(f"{name}.{field}" for field in _leaves(at, order))
+    raise DataError(f"`{path}`: variable `{name}` must hold real numbers; got a struct that holds {every}. Name one.")
 
 
 def _class(matrix: memoryview, order: str) -> int:
     """What a variable is: 2 for a struct, 6 and more for numbers; 0 where nothing of it was read."""
-    return struct.unpack_from(f"{order}I", next(_elements(matrix, order))[1])[0] & 0xFF if len(matrix) else 0
+    first = next(_elements(matrix, order, complete=False), None)
+    return struct.unpack_from(f"{order}I", first[1])[0] & 0xFF if first else 0
 
 
 def _struct(matrix: memoryview, order: str) -> list[dict[str, memoryview]]:
     """Fields of every element of an array of structs."""
-    _, (_, shape), _, (_, length), (_, text), *values = _elements(matrix, order)
+    elements = _elements(matrix, order)
+    _, (_, shape), _, (_, length), (_, text) = itertools.islice(elements, 5)
     size, count = struct.unpack_from(f"{order}i", length)[0], math.prod(np.frombuffer(shape, f"{order}i4").tolist())
-    if size <= 0 or len(text) % size or any(kind != _MATRIX for kind, _ in values):
+    if size <= 0 or count < 0 or len(text) % size or count * (len(text) // size) > _MOST_FIELDS:
+        raise ValueError(f"a struct has broken fields, or more than {_MOST_FIELDS}")
+    values = list(itertools.islice(elements, count * (len(text) // size) + 1))
+    if any(kind != _MATRIX for kind, _ in values):
         raise ValueError("the fields of a struct are broken")
     names = [bytes(text[i : i + size]).partition(b"\0")[0].decode("latin1") for i in range(0, len(text), size)]
     if len(values) != count * len(names):
@@ -105,7 +119,7 @@ def _leaves(found: Mapping[str, memoryview], order: str, depth: int = _DEPTH) ->
         parts = _struct(body, order) if depth and _class(body, order) == _STRUCT else []
         if not parts:
             names.append(name)
-        for k, part in enumerate(parts, start=1):
+        for k, part in enumerate(parts[:_LISTED], start=1):
             before = name if len(parts) == 1 else f"{name}({k})"
             names.extend(f"{before}.{field}" for field in _leaves(part, order, depth - 1))
     return names
@@ -140,13 +154,16 @@ def _matrix(kind: int, body: memoryview, order: str, most: int) -> memoryview:
 
 
 def _name(matrix: memoryview, order: str) -> str:
-    """Name of a variable, its third element."""
-    elements = list(zip(range(3), _elements(matrix, order, complete=False), strict=False))
-    return bytes(elements[2][1][1]).decode("latin1") if len(elements) > 2 else ""
+    """Name of a variable: its third element, and an object's second one."""
+    elements = [body for _, body in itertools.islice(_elements(matrix, order, complete=False), 3)]
+    place = 1 if _class(matrix, order) == _OPAQUE else 2
+    return bytes(elements[place]).decode("latin1") if len(elements) > place else ""
 
 
 def _array(path: Path, name: str, matrix: memoryview, order: str) -> np.ndarray:
     """Numbers of a variable."""
+    if not len(matrix):
+        return np.zeros((0, 0))
     (_, flags), (_, shape_bytes), _, *parts = _elements(matrix, order)
     flag = struct.unpack_from(f"{order}I", flags)[0]
     kind = flag & 0xFF

@@ -190,7 +190,7 @@ def _in_degrees(facts: Facts, i: int) -> list[Finding]:
     """An angle that turns back and forth further than joints do."""
     position = facts.positions[i]
     way = float(np.abs(np.diff(facts.q[:, i])).sum())
-    told = of_column(position.name, facts.units) is not None
+    told = of_column(position.name, facts.units) not in (None, -1.0)  # -1 turns it round and tells no unit.
     if told or not facts.is_angle[i] or position.span < 2 * np.pi * _TURNS or way < _REVERSES * position.span:
         return []
     columns = {position.name: "deg"} | ({facts.rates[i].name: "deg/s"} if facts.rates else {})

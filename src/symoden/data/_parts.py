@@ -91,7 +91,7 @@ def _filled(rows: Rows, recording: str | None) -> np.ndarray:
 def _chosen(path: Path, name: str, wanted: Sequence[str], every: Sequence[Rows]) -> tuple[Rows, ...]:
     """The recordings that a part names."""
     found: Mapping[str, None] = dict.fromkeys(rows.label for rows in every if rows.label is not None)
-    if not found:
+    if not found and any(len(rows) for rows in every):
         raise DataError(
             f"`{path}`: [{name}] `recordings` are told apart by a column, or by the first of three axes of arrays; got "
             'neither. Name the column: `recording = "trial"` before the tables.'

@@ -12,6 +12,7 @@ import polars as pl
 from ._arrays import read_hdf5, read_mat, read_npz
 from ._cells import holds_lists, label, lists, numbers, texts
 from ._errors import DataError, listing
+from ._limits import refuse_large
 from ._shapes import Signals
 from ._tables import TEXTS, read_csv, read_parquet
 
@@ -40,7 +41,7 @@ class Rows:
         signals: What was asked for, by role ("positions", …): one column per signal.
         names: Names of these columns, by role.
         labels: Which recording each row belongs to, where a column or an axis tells.
-        label: The one that they all belong to, where a column tells and they were taken apart by it.
+        label: The one that they all belong to, where they were taken apart by these.
     """
 
     path: Path
@@ -59,7 +60,7 @@ class Rows:
 
         Args:
             rows: Which of these rows.
-            label: What their column says.
+            label: What their column says, or the number of the recording.
 
         Returns:
             The rows.
@@ -146,7 +147,11 @@ def _from_blocks(
             f"`{path}`: the first axis of its variables tells recordings apart, numbered from 0; got `recording` = "
             f"{recording!r} as well. Leave it out."
         )
+    empty = [f"`{name}` {array.shape}" for name, array in arrays.items() if 0 in array.shape]
+    if empty:
+        raise DataError(f"`{path}`: no variable may be empty; got {', '.join(empty)}. Name others.")
     count, samples = next(array.shape[:2] for array in arrays.values() if array.ndim == 3)
+    refuse_large(path, 8 * count * samples, "a column of all its recordings")
     blocks: dict[str, np.ndarray] = {}
     for name, array in arrays.items():
         if array.ndim in (2, 3) and array.shape[:2] == (count, samples):

@@ -31,7 +31,6 @@ class _Joined:
     Attributes:
         ts: Time stamps of all [s], increasing.
         lengths: Number of samples of each.
-        filters: What slopes are made by, of each band that was asked for: of every coordinate and path the same.
     """
 
     def __init__(self, ts: Sequence[np.ndarray]) -> None:
@@ -39,7 +38,7 @@ class _Joined:
         apart = 2 * max(float(np.ptp(each)) for each in ts)
         self.ts = np.concatenate([each - each[0] + k * apart for k, each in enumerate(ts)])
         self.lengths = tuple(len(each) for each in ts)
-        self.filters: dict[_Band, list[SlopeFilter]] = {}
+        self._filters: dict[_Band, list[SlopeFilter]] = {}  # The same for every coordinate and path.
 
     def cells(self, signals: Signals, size: int) -> tuple[Cells, list["_Block"]]:
         """Cells of so many samples; of many cells, some blocks."""
@@ -61,6 +60,23 @@ class _Joined:
             for a, b in zip([0, *cuts.tolist()], [*cuts.tolist(), len(chosen)], strict=True)
         ]
         return Cells.of(self.ts[rows], signals[rows], first), blocks
+
+    def slope_filters(
+        self, band: _Band, cells: Cells, blocks: Sequence["_Block"], windows: Sequence[int]
+    ) -> list[SlopeFilter]:
+        """What makes slopes of the narrowest window, then of a band's, where the widest lies within a block."""
+        if band not in self._filters:
+            ts = cells.ts[np.concatenate([block.inside(windows[-1]) for block in blocks])]
+            self._filters[band] = [
+                SlopeFilter.of(
+                    cells,
+                    window,
+                    ts,
+                    np.concatenate([block.centres(window, windows[-1]) for block in blocks]) - window // 2,
+                )
+                for window in (LEAST, *windows)
+            ]
+        return self._filters[band]
 
 
 class _Block(NamedTuple):
@@ -170,9 +186,8 @@ def _compare(
     windows = [window for window in band.windows if window <= max(LEAST, longest // 2)]
     if not windows or longest < windows[-1]:
         return []
-    if band not in joined.filters:
-        joined.filters[band] = _filters(cells, blocks, windows)
-    fits = [(each.slopes(cells.means), float(np.mean(each.variances))) for each in joined.filters[band]]
+    filters = joined.slope_filters(band, cells, blocks, windows)
+    fits = [(each.slopes(cells.means), float(np.mean(each.variances))) for each in filters]
     (narrow, _), *rest = fits
     found = []
     for window, (slopes, gain) in zip(windows, rest, strict=True):
@@ -182,20 +197,6 @@ def _compare(
         error = float(np.mean(slopes[0] * (slopes[0] - 2 * narrow[0])))
         found.append((error + 2 * _CAUTION * share, share, window * band.size))
     return found
-
-
-def _filters(cells: Cells, blocks: Sequence[_Block], windows: Sequence[int]) -> list[SlopeFilter]:
-    """What makes slopes of the narrowest window, then of the others, where the widest lies within a block."""
-    ts = cells.ts[np.concatenate([block.inside(windows[-1]) for block in blocks])]
-    return [
-        SlopeFilter.of(
-            cells,
-            window,
-            ts,
-            np.concatenate([block.centres(window, windows[-1]) for block in blocks]) - window // 2,
-        )
-        for window in (LEAST, *windows)
-    ]
 
 
 def _bands() -> Iterator[_Band]:

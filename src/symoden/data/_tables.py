@@ -43,7 +43,8 @@ def read_csv(path: Path) -> pl.DataFrame:
     try:
         text = _text(path)
     except (*_BROKEN_GZIP, UnicodeError) as error:
-        reason = f"{error}. {'Save it as one.' if isinstance(error, UnicodeError) else COPY}"
+        cut = not isinstance(error, UnicodeDecodeError) or error.end == len(error.object)
+        reason = f"{error}. {COPY if cut else 'Save it as one.'}"
         raise DataError(f"`{path}`: must be a complete CSV file in UTF-8; reading stopped at: {reason}") from error
     if not text.strip():
         raise DataError(f"`{path}`: is empty; it must have a line of column names and a line for each sample.")
@@ -111,7 +112,10 @@ def _first_line(path: Path, version: tuple[int, int]) -> int:
     """Line of the first row of a version of a file."""
     del version
     with _opened(path) as file:
-        return find_layout(_decoded(file.read(_BEGINNING), whole=False)).line
+        beginning = file.read(_BEGINNING)
+    if beginning.startswith(_UTF_16):
+        return find_layout(beginning.decode("utf-16", errors="ignore")).line
+    return find_layout(_decoded(beginning[: beginning.rfind(b"\n") + 1] or beginning)).line
 
 
 def _version(path: Path) -> tuple[int, int]:
@@ -168,14 +172,15 @@ def _text(path: Path) -> str:
     return _decoded(_contents(path))
 
 
-def _decoded(contents: bytes, *, whole: bool = True) -> str:
+def _decoded(contents: bytes) -> str:
     """Text of UTF-8, of UTF-16 that says so, as spreadsheets save "Unicode text", or of Windows' Western code page."""
     if contents.startswith(_UTF_16):
-        return contents[: len(contents) if whole else len(contents) // 2 * 2].decode("utf-16")
+        return contents.decode("utf-16")
     try:
-        return contents.decode("utf-8-sig", errors="strict" if whole else "ignore")
+        return contents.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        if b"\0" in contents or error.end == len(contents):  # No text, or a file that ends within a character.
+        # No text, a file that ends within a character, or UTF-8 but for one place: that one is to be named.
+        if b"\0" in contents or error.end == len(contents) or not contents[: error.start].isascii():
             raise
         try:
             return contents.decode("cp1252")
