@@ -98,54 +98,6 @@ def test_rows_begin_after_comments_names_and_units(tmp_path, separator, before, 
     assert find_short_lines(path) == (3, {3: 1 if separator.isspace() else 2}, 3)
 
 
-LAYOUTS = [
-    (",1,2\n0,q,u\n", ["", "1", "2"], 2),  # The index of a table whose columns only count.
-    ("0,1,2\n0.1,2,3\n", ["0", "1", "2"], 2),
-    ("t,1,2\n0,1,2\n", ["t", "1", "2"], 2),
-    ("nan,inf,t\n1,2,3\n", ["nan", "inf", "t"], 2),
-    ("q,u\n-,-\n1,2\n", ["q", "u"], 2),  # What is no unit stays, and is refused by its line.
-    ("q,u\nTrue,False\n1,2\n", ["q", "u"], 2),
-    ("t,q\nms,deg/s^2\n0,1\n", ["t", "q"], 3),
-    ("# t,q\ns,rad\n0,1\n1,2\n", ["t", "q"], 3),
-    ("# t,q\n# s,rad\n0,1\n", ["t", "q"], 3),
-    ("# a, b, c\n0 1.5 2\n", ["a", "b", "c"], 2),
-    ("t,q\n# hello, you\n0,1\n", ["t", "q"], 3),
-    ("joint 1\n0.5\n0.6\n", ["joint 1"], 2),
-    ("\tt\tq\n1\t0\t2\n", ["", "t", "q"], 2),
-    ('t,q\n"never closed', ["t", "q"], 2),
-    ("# t,q\n", ["t", "q"], 3),
-    ("Booting\nsketch 1.2, gain 3, rate 9\nt\tq\n0\t1\n1\t2\n2\t3\n", ["t", "q"], 4),
-    ("Test of 3 May\nt,q\ns,deg\n0,1\n1,2\n2,3\n", ["t", "q"], 4),
-    ("Booting\nall is well\n0;5\n1;2\n2;3\n", ["1", "2"], 3),
-    ("Booting\n\n# a remark\nt q u\n0 1 2\n1 2 3\n2 3 4\n", ["t", "q", "u"], 5),
-    ("one, two\nthree\n0,1\n1,2\n2,3\n", ["one", "two"], 2),  # Names come first; what follows is named by its line.
-    ("t,q,u\n0.0,1,2,\n0.1,1,2,\n0.2,1,2,\n0.3,1,2,\n", ["t", "q", "u"], 2),
-    ("t;q;\n0.0;1;;\n0.1;1;;\n0.2;1;;\n0.3;1;;\n", ["t", "q", ""], 2),
-    ("t,q,u,comment\n0,1,2,start\n0.1,1,2\n0.2,1,2\n0.3,1,2\n", ["t", "q", "u", "comment"], 2),
-    ("t q u\n0 1 2\n0.1 1\n0.2 1\n0.3 1\n0.4 1 2\n", ["t", "q", "u"], 2),
-    ("t,q,mode\n" + "0.1,1,run\n" * 9 + "0.1,1\n" * 9, ["t", "q", "mode"], 2),
-    ("t q\n1 0.1 2\n2 0.2 2\n3 0.3 2\n4 0.4 2\n", ["t q"], 2),  # As R writes it: refused by its line.
-    ("q\n0,5\n0,6\n0,7\n0,8\n", ["q"], 2),
-    ("Boot\nt,q,u\n0,err,1\n0.1,2,3\n0.2,2,3\n0.3,2,3\n", ["t", "q", "u"], 3),
-    ("Boot\nt,q,u\n,,\n0.1,2,3\n0.2,2,3\n0.3,2,3\n", ["t", "q", "u"], 3),
-    ("Boot\nt,q,u\nsec,degC,lbf\n0.1,2,3\n0.2,2,3\n0.3,2,3\n", ["t", "q", "u"], 3),
-    ("Logger v5\nt,q\n10:00:00,1\n10:00:01,nan\n10:00:02,3\n", ["t", "q"], 3),
-    (
-        "Logger v5\nt,q\n2025-10-09T08:53:20Z,1\n2025-10-09T08:53:21Z,2\n2025-10-09T08:53:22Z,3\n",
-        ["t", "q"],
-        3,
-    ),
-]
-
-
-@pytest.mark.parametrize(("text", "names", "line"), LAYOUTS)
-def test_names_units_and_comments_are_told_from_rows(text, names, line):
-    layout = find_layout(text)
-    assert list(layout.names) == names
-    assert layout.line == line
-    assert text[: layout.start].count("\n") == min(line, text.count("\n") + 1) - 1
-
-
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "cp1252"])
 @pytest.mark.parametrize("ending", ["", ".gz"])
 def test_what_spreadsheets_save_is_read_whatever_its_encoding(tmp_path, encoding, ending):
@@ -200,63 +152,6 @@ def test_parquet_is_read_by_column(tmp_path):
     pl.DataFrame({"q": [1, 2, 3], "u": [True, False, True], "note": ["a", "b", "c"]}).write_parquet(path)
     found = read_rows(path, {"x": ("u", "q")}, slice(1, None))
     np.testing.assert_array_equal(found.signals["x"], [[0, 2], [1, 3]])
-
-
-@pytest.mark.parametrize("shift", ["", "Z", "+00:00", "+0200"])
-@pytest.mark.parametrize("between", ["T", " "])
-def test_dates_are_seconds_since_1970(tmp_path, between, shift):
-    times = [f"2025-10-09{between}08:53:20{part}{shift}" for part in ("", ".008", ".016500")]
-    path = written(tmp_path / "run.csv", "t,q\n" + "".join(f"{time},1\n" for time in times) + ",1\n")
-    found = read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0]
-    start = 1.76e9 - (7200 if shift == "+0200" else 0)
-    np.testing.assert_allclose(found, [start, start + 0.008, start + 0.0165, np.nan], atol=1e-6, rtol=0)
-
-
-@pytest.mark.parametrize("point", [".", ","])
-def test_times_of_day_are_seconds_and_go_on_after_midnight(tmp_path, point):
-    times = ["9:59:59", f"10:04:01{point}25", "", "21:59:59", "00:00:00", f"11:00:00{point}5", "22:00:00", "1:00:00"]
-    path = written(tmp_path / "run.csv", "t;q\n" + "".join(f"{time};1.5\n" for time in times))
-    found = read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0]
-    day = 86400.0
-    np.testing.assert_array_equal(
-        found, [35999, 36241.25, np.nan, 79199, day, day + 39600.5, day + 79200, 2 * day + 3600], strict=True
-    )
-
-
-def test_a_day_that_rows_out_of_order_seem_to_begin_is_none(tmp_path):
-    path = written(tmp_path / "run.csv", "t\n \nnan\n23:59:59.9\n00:00:00.1\n23:59:59.95\n00:00:00.2\n00:00:00.3\n")
-    day = 86400.0
-    np.testing.assert_allclose(
-        read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0],
-        [np.nan, day - 0.1, day + 0.1, day - 0.05, day + 0.2, day + 0.3],
-        rtol=0,
-        atol=1e-9,
-    )
-
-
-def test_a_long_rest_within_a_day_is_one(tmp_path):
-    path = written(tmp_path / "run.csv", "t\n01:00:00\n14:00:00\n14:00:01\n")
-    np.testing.assert_array_equal(read_rows(path, {"x": ("t",)}, ALL).signals["x"][:, 0], [3600, 50400, 50401])
-
-
-@pytest.mark.parametrize("odd", ["10:04", "10:4:01", "now", "1.5", "10:04:75", "10:60:00", "100:00:00", "١٠:٠٤:٠١"])
-def test_a_time_of_day_among_others_that_is_none_is_named(tmp_path, odd):
-    path = written(tmp_path / "run.csv", f"t\n10:04:01\n{odd}\n")
-    with pytest.raises(DataError, match=rf"column `t`, line 3 \(row 1\): must be a number or empty; got '{odd}'"):
-        read_rows(path, {"x": ("t",)}, ALL)
-
-
-def test_date_types_are_seconds_since_1970_too(tmp_path):
-    stamps = pl.Series([1_760_000_000_008, None]).cast(pl.Datetime("ms", "Europe/Berlin"))
-    pl.DataFrame({"t": stamps}).write_parquet(tmp_path / "run.parquet")
-    found = read_rows(tmp_path / "run.parquet", {"x": ("t",)}, ALL).signals["x"][:, 0]
-    np.testing.assert_allclose(found, [1_760_000_000.008, np.nan], atol=1e-6, rtol=0)
-
-
-def test_a_date_among_others_that_is_none_is_named(tmp_path):
-    path = written(tmp_path / "run.csv", "t\n2025-10-09T08:53:20\n2025-10-09T08:53\nnever\n")
-    with pytest.raises(DataError, match=r"column `t`, line 2 \(row 0\): must be a number or empty; got '2025"):
-        read_rows(path, {"x": ("t",)}, ALL)
 
 
 @pytest.mark.parametrize("kind", [pl.List(pl.Float32), pl.Array(pl.Float64, 2)])
