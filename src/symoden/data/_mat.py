@@ -73,7 +73,7 @@ def _inside(path: Path, name: str, found: Mapping[str, memoryview], order: str) 
         if step is None or step["name"] not in at:
             raise DataError(missing(path, name, _leaves(found, order), kind="variable"))
         body, sofar = at[step["name"]], ".".join([*steps[: k - 1], step["name"]])
-        parts = _struct(body, order) if _class(body, order) == _STRUCT else []
+        parts = _structs(body, order)
         if k == len(steps) and step["number"] is None and not parts:
             return body
         number = int(step["number"] or 1)
@@ -95,8 +95,10 @@ def _class(matrix: memoryview, order: str) -> int:
     return struct.unpack_from(f"{order}I", first[1])[0] & 0xFF if first else 0
 
 
-def _struct(matrix: memoryview, order: str) -> list[dict[str, memoryview]]:
-    """Fields of every element of an array of structs."""
+def _structs(matrix: memoryview, order: str) -> list[dict[str, memoryview]]:
+    """Fields of every element of an array of structs; none of anything else."""
+    if _class(matrix, order) != _STRUCT:
+        return []
     elements = _elements(matrix, order)
     _, (_, shape), _, (_, length), (_, text) = itertools.islice(elements, 5)
     size, count = struct.unpack_from(f"{order}i", length)[0], math.prod(np.frombuffer(shape, f"{order}i4").tolist())
@@ -116,7 +118,7 @@ def _leaves(found: Mapping[str, memoryview], order: str, depth: int = _DEPTH) ->
     """Names of everything that is no struct, and of structs that are too deep."""
     names: list[str] = []
     for name, body in found.items():
-        parts = _struct(body, order) if depth and _class(body, order) == _STRUCT else []
+        parts = _structs(body, order) if depth else []
         if not parts:
             names.append(name)
         for k, part in enumerate(parts[:_LISTED], start=1):

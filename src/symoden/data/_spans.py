@@ -38,7 +38,7 @@ class _Joined:
         apart = 2 * max(float(np.ptp(each)) for each in ts)
         self.ts = np.concatenate([each - each[0] + k * apart for k, each in enumerate(ts)])
         self.lengths = tuple(len(each) for each in ts)
-        self._filters: dict[_Band, list[SlopeFilter]] = {}  # The same for every coordinate and path.
+        self._filters: dict[_Band, dict[int, SlopeFilter]] = {}  # The same for every coordinate and path.
 
     def cells(self, signals: Signals, size: int) -> tuple[Cells, list["_Block"]]:
         """Cells of so many samples; of many cells, some blocks."""
@@ -63,19 +63,14 @@ class _Joined:
 
     def slope_filters(
         self, band: _Band, cells: Cells, blocks: Sequence["_Block"], windows: Sequence[int]
-    ) -> list[SlopeFilter]:
-        """What makes slopes of the narrowest window, then of a band's, where the widest lies within a block."""
+    ) -> dict[int, SlopeFilter]:
+        """What makes slopes, of the narrowest window and a band's, where the widest lies within a block."""
         if band not in self._filters:
             ts = cells.ts[np.concatenate([block.inside(windows[-1]) for block in blocks])]
-            self._filters[band] = [
-                SlopeFilter.of(
-                    cells,
-                    window,
-                    ts,
-                    np.concatenate([block.centres(window, windows[-1]) for block in blocks]) - window // 2,
-                )
-                for window in (LEAST, *windows)
-            ]
+            centres = {
+                w: np.concatenate([block.centres(w, windows[-1]) for block in blocks]) for w in (LEAST, *windows)
+            }
+            self._filters[band] = {w: SlopeFilter.of(cells, w, ts, at - w // 2) for w, at in centres.items()}
         return self._filters[band]
 
 
@@ -187,10 +182,11 @@ def _compare(
     if not windows or longest < windows[-1]:
         return []
     filters = joined.slope_filters(band, cells, blocks, windows)
-    fits = [(each.slopes(cells.means), float(np.mean(each.variances))) for each in filters]
-    (narrow, _), *rest = fits
+    fits = {window: each.slopes(cells.means) for window, each in filters.items()}
+    narrow = fits[LEAST]
     found = []
-    for window, (slopes, gain) in zip(windows, rest, strict=True):
+    for window in windows:
+        slopes, gain = fits[window], float(np.mean(filters[window].variances))
         share = variance * gain
         if signals.shape[1] > 1:
             share += max(float(np.mean(slopes[1:] * narrow[1:])), rounding**2 / 12 * gain)

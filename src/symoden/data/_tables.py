@@ -19,7 +19,6 @@ from ._limits import LARGEST, refuse_large
 TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
 """Endings of the names of tables of text, `.gz` apart."""
 _QUOTED: Final = 60  # Characters of a line in a message.
-_BEGINNING: Final = 2**20  # Bytes in which the rows of a table begin.
 _UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
@@ -111,11 +110,7 @@ def place(path: Path, row: int) -> str:
 def _first_line(path: Path, version: tuple[int, int]) -> int:
     """Line of the first row of a version of a file."""
     del version
-    with _opened(path) as file:
-        beginning = file.read(_BEGINNING)
-    if beginning.startswith(_UTF_16):
-        return find_layout(beginning.decode("utf-16", errors="ignore")).line
-    return find_layout(_decoded(beginning[: beginning.rfind(b"\n") + 1] or beginning)).line
+    return find_layout(_text(path)).line
 
 
 def _version(path: Path) -> tuple[int, int]:
