@@ -20,7 +20,8 @@ from ._certainty import LEVEL
 from ._evaluate import HORIZON, one_second_windows, paths
 
 _BINS = 20
-_BATCH = 8192  # Samples that are linearised at once.
+_BATCH: Final = 8192  # Samples that are linearised at once at most.
+_TOGETHER: Final = 16  # Windows: a program takes longer to make than to run on more.
 _MOST_WINDOWS = 2000  # Eight minutes, at four windows in a second; hours of logs tell no more.
 _TINY = 1e-12
 _ENOUGH: Final = 9  # Validation windows: of fewer, chance leaves none outside where one in ten should be.
@@ -243,7 +244,7 @@ def _paths(
 ) -> Iterator[tuple[int, _Path]]:
     """Rollouts of stretches, each with its index."""
     function = eqx.Partial(_predicted, posterior.scatter(), solver, hold)
-    for i, (q, variance) in in_batches(function, stretches, samples=_BATCH):
+    for i, (q, variance) in in_batches(function, stretches, samples=_BATCH, size=_TOGETHER):
         stretch = stretches[i]
         ts = stretch.trajectory.ts[stretch.start : stretch.stop]
         yield i, _Path(ts - ts[0], q[: len(stretch)], variance[: len(stretch)])

@@ -96,7 +96,7 @@ def pieces(trajectories: Sequence[Trajectory], steps: int) -> list[Stretch]:
 
 
 def in_batches(
-    function: Batched, stretches: Sequence[Stretch], *, samples: int = 65536
+    function: Batched, stretches: Sequence[Stretch], *, samples: int = 65536, size: int | None = None
 ) -> Iterator[tuple[int, PyTree]]:
     """Apply a batched function to stretches, in bounded memory.
 
@@ -107,6 +107,8 @@ def in_batches(
         function: Batched function.
         stretches: Stretches of any lengths.
         samples: Largest number of samples in a batch.
+        size: Number of stretches in a batch, if they are short enough, so that calls with other numbers share a program;
+            by default enough for all of one length.
 
     Yields:
         The index of a stretch, and its result as NumPy arrays, still padded. The order is not that of the stretches.
@@ -115,12 +117,12 @@ def in_batches(
     for i, stretch in enumerate(stretches):
         groups.setdefault((len(stretch) - 1).bit_length(), []).append(i)
     for group in groups.values():
-        length = max(len(stretches[i]) for i in group)
-        size = min(_power_of_two(len(group)), max(1, samples // length))
-        for start in range(0, len(group), size):
-            chosen = group[start : start + size]
+        length = _rounded(max(len(stretches[i]) for i in group))
+        count = min(size or _power_of_two(len(group)), max(1, samples // length))
+        for start in range(0, len(group), count):
+            chosen = group[start : start + count]
             # The last batch is filled up, so that it needs no program of its own.
-            filled = chosen + chosen[-1:] * (size - len(chosen))
+            filled = chosen + chosen[-1:] * (count - len(chosen))
             columns = zip(*(stretches[i].padded(length) for i in filled), strict=True)
             result = jax.tree.map(np.asarray, function(Segment(*(jnp.asarray(np.stack(c)) for c in columns))))
             for k, i in enumerate(chosen):
@@ -130,3 +132,9 @@ def in_batches(
 def _power_of_two(count: int) -> int:
     """Least power of two that is at least `count`."""
     return 1 << (count - 1).bit_length()
+
+
+def _rounded(length: int) -> int:
+    """Length up to an eighth longer, so that windows of 97 to 104 samples share a program, whichever call they are in."""
+    step = 1 << max(0, (length - 1).bit_length() - 4)
+    return -(-length // step) * step
