@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shutil
 
 import jax
 import numpy as np
@@ -49,6 +50,23 @@ def changed(folder, change):
     value = json.loads(path.read_text())
     change(value)
     path.write_text(json.dumps(value))
+
+
+def test_a_project_can_be_moved_with_its_runs(tmp_path):
+    old, new, elsewhere = (tmp_path / name for name in ("old", "new", "elsewhere"))
+    old.mkdir()
+    (old / "arm.toml").write_text("")
+    write_run(old / "runs" / "arm", settings(source=str(old / "arm.toml")))
+    old.rename(new)
+    moved = read_run(new / "runs" / "arm")
+    assert moved.source == str((new / "arm.toml").resolve())
+    old.mkdir()
+    (old / "arm.toml").write_text("")  # What is where it was is not looked for.
+    assert read_run(new / "runs" / "arm").source == str(old / "arm.toml")
+    (old / "arm.toml").unlink()
+    shutil.move(new / "runs", elsewhere)
+    with pytest.raises(ValueError, match=r"old/arm.toml` must be the description .* `source` into the run's config"):
+        read_run_source(read_run(elsewhere / "arm"))
 
 
 @pytest.mark.parametrize("kind", ["dissipative", "unstructured", "symoden", "naive", "geometric"])

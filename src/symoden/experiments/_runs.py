@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import hashlib
 import json
+import os
 import platform
 import subprocess
 from collections.abc import Callable
@@ -32,6 +33,7 @@ from symoden.training import (
 from ._ranges import Ranges
 from ._settings import decode
 from ._sources import Source, absolute_name, read_source
+from ._tasks import TASKS
 
 _PACKAGES: Final = ("symoden", "jax", "jaxlib", "equinox", "optax", "diffrax", "numpy", "scipy")
 _LEAST_SUBSTEPS: Final = 4
@@ -103,6 +105,8 @@ class RunConfig:
 
     Attributes:
         source: Name of the task, or the absolute path of the description.
+        beside: The description's path as seen from the run's folder, so that both can be moved together; empty for a
+            task, and in a run that is not written yet.
         seed: Seed of the task's initial conditions, the initial weights and the batches.
         space: Configuration space that replaces the source's own, if any.
         preset: Name of the settings that it started from.
@@ -119,6 +123,7 @@ class RunConfig:
     """
 
     source: str
+    beside: str = ""
     seed: int = 0
     space: str | None = None
     preset: str = "default"
@@ -206,7 +211,8 @@ def write_run(folder: Path, config: RunConfig) -> None:
     Raises:
         StorageError: If they cannot be written.
     """
-    text = json.dumps(dataclasses.asdict(config), indent=2, allow_nan=False)
+    beside = "" if config.source in TASKS else _seen_from(folder, Path(config.source))
+    text = json.dumps(dataclasses.asdict(config) | {"beside": beside}, indent=2, allow_nan=False)
     write_atomically(folder / "config.json", f"{text}\n".encode())
 
 
@@ -217,7 +223,8 @@ def read_run(folder: Path) -> RunConfig:
         folder: Folder of the run.
 
     Returns:
-        The settings.
+        The settings; where the description is no longer at its absolute path, but is where it was seen from the run's
+        folder, with that path.
 
     Raises:
         StorageError: If there is no run, or its `config.json` is not what it must be.
@@ -231,7 +238,18 @@ def read_run(folder: Path) -> RunConfig:
         value = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise StorageError(f"`{path}` must be JSON; reading stopped at: {error}. Restore it.") from None
-    return decode(RunConfig, value, f"`{path}`")
+    config = decode(RunConfig, value, f"`{path}`")
+    moved = folder / config.beside
+    if config.beside and not Path(config.source).is_file() and moved.is_file():
+        return dataclasses.replace(config, source=str(moved.resolve()))
+    return config
+
+
+def _seen_from(folder: Path, path: Path) -> str:
+    """A relative path, if there is one: not so on another drive."""
+    with contextlib.suppress(ValueError):
+        return Path(os.path.relpath(path, folder.resolve())).as_posix()
+    return ""
 
 
 def read_model(folder: Path) -> AbstractDynamics:
@@ -263,10 +281,16 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
         The source, in the space that the run's model was told.
 
     Raises:
-        ValueError: If the data are those of another mechanism: other coordinates, inputs or kind of rates.
+        ValueError: If the description that the run was trained on is gone, or the data are those of another mechanism:
+            other coordinates, inputs or kind of rates.
     """
     known = config.data
     if name is None or absolute_name(name) == config.source:
+        if config.source not in TASKS and not Path(config.source).is_file():
+            raise ValueError(
+                f"`{config.source}` must be the description that the run was trained on; there is no such file. Move it "
+                "back, or write where it is now as `source` into the run's config.json."
+            )
         return read_source(
             config.source,
             seed=config.seed,
