@@ -1,10 +1,11 @@
 """Reading files of named arrays: NPZ, HDF5 and MAT. None of them runs code, follows links or trusts a claimed size."""
 
 import math
+import re
 import zipfile
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -18,13 +19,15 @@ if TYPE_CHECKING:
 _HEADER = 128  # bytes of a MAT file that say its version
 _REAL = "biuf"
 
+STAR: Final = "*"  # In a variable's name it stands for the name of a recording.
+
 
 def read_npz(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
     """Read variables of NumPy's archive without unpickling anything.
 
     Args:
         path: File.
-        names: The variables.
+        names: The variables; a star stands for any text.
 
     Returns:
         The variables by name.
@@ -35,6 +38,7 @@ def read_npz(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
     try:
         with zipfile.ZipFile(path) as archive:
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+            names = spelt_out(names, members)
             for name in names:
                 if name not in members:
                     raise DataError(missing(path, name, members, kind="variable"))
@@ -51,7 +55,7 @@ def read_hdf5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
 
     Args:
         path: File.
-        names: The data sets.
+        names: The data sets; a star stands for any text without slashes.
 
     Returns:
         The data sets by name.
@@ -67,6 +71,8 @@ def read_hdf5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
         ) from error
     try:
         with h5py.File(path, "r") as file:
+            if any(STAR in name for name in names):
+                names = spelt_out(names, _datasets(file))
             return {name: _read_hdf5_dataset(path, file, name) for name in names}
     except DataError:
         raise
@@ -99,6 +105,39 @@ def read_mat(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
         raise
     except Exception as error:  # A broken file can fail anywhere in the parser.
         raise DataError(_broken(path, "MAT", error)) from error
+
+
+def spelt_out(names: Collection[str], found: Collection[str]) -> list[str]:
+    """Replace names that have a star by those that they stand for.
+
+    Args:
+        names: Names of variables, some with a star.
+        found: Those that there are.
+
+    Returns:
+        The names; one that stands for none, or that a variable has with its star, as it is.
+    """
+    every: list[str] = []
+    for name in names:
+        plain = STAR not in name or name in found
+        every.extend([name] if plain else [each for each in found if starred(name, each) is not None] or [name])
+    return list(dict.fromkeys(every))
+
+
+def starred(pattern: str, name: str) -> str | None:
+    """What the stars of a pattern stand for in a name.
+
+    Args:
+        pattern: Name of variables, with a star or several for the same text.
+        name: Name of one.
+
+    Returns:
+        The text, without slashes; None where the name is not of the pattern.
+    """
+    first, *rest = (re.escape(part) for part in pattern.split(STAR))
+    again = r"(?P=recording)"
+    found = re.fullmatch(f"{first}(?P<recording>[^/]+){again.join(rest)}", name)
+    return None if found is None else found["recording"]
 
 
 def _time_first(array: np.ndarray) -> np.ndarray:
@@ -134,13 +173,20 @@ def _read_hdf5_dataset(path: Path, file: "h5py.File", name: str) -> np.ndarray:
         raise DataError(f"`{path}`: variable `{name}` must be in this file; got a link to `{link.filename}`.")
     dataset = file[name] if link is not None else None
     if not isinstance(dataset, h5py.Dataset):
-        found: list[str] = []
-        file.visititems(lambda key, item: found.append(key) if isinstance(item, h5py.Dataset) else None)
-        raise DataError(missing(path, name, found, kind="variable"))
+        raise DataError(missing(path, name, _datasets(file), kind="variable"))
     if dataset.is_virtual or dataset.external or Path(dataset.file.filename) != Path(file.filename):
         raise DataError(f"`{path}`: variable `{name}` must be in this file; got one that is stored in another.")
     refuse_large(path, 8 * math.prod(dataset.shape or ()), f"variable `{name}`")
     return _numeric(path, name, dataset[()])
+
+
+def _datasets(file: "h5py.File") -> list[str]:
+    """Paths of all data sets of a file, but for those behind links."""
+    import h5py  # optional
+
+    found: list[str] = []
+    file.visititems(lambda key, item: found.append(key) if isinstance(item, h5py.Dataset) else None)
+    return found
 
 
 def _numeric(path: Path, name: str, values: object) -> np.ndarray:

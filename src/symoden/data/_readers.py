@@ -1,7 +1,7 @@
 """Reading the named columns of a recording, whatever the format of its file."""
 
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -9,9 +9,9 @@ from typing import Final, TypeAlias
 import numpy as np
 import polars as pl
 
-from ._arrays import read_hdf5, read_mat, read_npz
+from ._arrays import STAR, read_hdf5, read_mat, read_npz, starred
 from ._cells import holds_lists, label, lists, numbers, texts
-from ._errors import DataError, listing
+from ._errors import DataError, listing, missing
 from ._limits import refuse_large
 from ._shapes import Signals
 from ._tables import TEXTS, read_csv, read_parquet
@@ -124,6 +124,8 @@ def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, rec
     """Read variables of a file of arrays."""
     variables = {variable_of(name) for name in [*names_in(selectors), *([recording] if recording else [])]}
     arrays = _ARRAYS[suffix_of(path)](path, sorted(variables))
+    if not variables <= arrays.keys():  # They have stars.
+        return _from_groups(path, selectors, arrays, rows, recording)
     if any(array.ndim == 3 for array in arrays.values()):
         return _from_blocks(path, selectors, arrays, rows, recording)
     columns = {name: _columns(path, name, array) for name, array in arrays.items()}
@@ -136,6 +138,47 @@ def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, rec
             [label(x) for x in _single(path, recording, _picked(path, recording, columns))[:, 0].tolist()]
         )
     return _rows_of(path, selectors, columns, index, labels)
+
+
+def _from_groups(
+    path: Path, selectors: Mapping[str, Selector], arrays: Mapping[str, np.ndarray], rows: slice, recording: str | None
+) -> Rows:
+    """Arrays of a recording each, named by what a star stands for; those whose name has none belong to them all."""
+    if recording is not None:
+        raise DataError(
+            f"`{path}`: the star in the names of its variables tells recordings apart; got `recording` = "
+            f"{recording!r} as well. Leave it out."
+        )
+    variables = list(dict.fromkeys(variable_of(name) for name in names_in(selectors)))
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    for variable in variables:
+        for name, array in arrays.items():
+            if variable not in arrays and (group := starred(variable, name)) is not None:
+                groups.setdefault(group, {})[variable] = array
+    order = sorted(groups, key=_as_counted)
+    common = {variable: arrays[variable] for variable in variables if variable in arrays}
+    parts: list[Mapping[str, np.ndarray]] = []
+    indices: list[np.ndarray] = []
+    first = 0
+    for group in order:
+        found = common | groups[group]
+        if absent := [variable for variable in variables if variable not in found]:
+            raise DataError(missing(path, absent[0].replace(STAR, group), arrays, kind="variable"))
+        columns = {name: _columns(path, name.replace(STAR, group), array) for name, array in found.items()}
+        _refuse_mixed_lengths(path, columns)
+        samples = len(next(iter(columns.values())))
+        indices.append(first + np.arange(samples)[rows])
+        parts.append({name: column[rows] for name, column in columns.items()})
+        first += samples
+    _refuse_mixed_widths(path, parts)
+    merged = {name: np.concatenate([part[name] for part in parts]) for name in variables}
+    labels = np.repeat(order, [len(index) for index in indices])
+    return _rows_of(path, selectors, merged, np.concatenate(indices), labels)
+
+
+def _as_counted(name: str) -> list[tuple[str, int]]:
+    """Key that sorts `demo_2` before `demo_10`."""
+    return [(text, int(number or 0)) for text, number in re.findall(r"(\D*)(\d*)", name)]
 
 
 def _from_blocks(
@@ -230,6 +273,17 @@ def _refuse_mixed_lengths(path: Path, columns: Mapping[str, np.ndarray]) -> None
             f"`{path}`: all variables must have the same number of samples, along their first axis; got {lengths}. "
             "Transpose or cut them."
         )
+
+
+def _refuse_mixed_widths(path: Path, recordings: Sequence[Mapping[str, np.ndarray]]) -> None:
+    """Refuse a variable with more columns in one recording than in another."""
+    for name in recordings[0]:
+        widths = sorted({columns[name].shape[1] for columns in recordings})
+        if len(widths) > 1:
+            raise DataError(
+                f"`{path}`: variable `{name}` must have as many columns in each recording; got {widths[0]} and "
+                f"{widths[-1]}. Put those with other columns into a file of their own."
+            )
 
 
 def _picked(path: Path, name: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
