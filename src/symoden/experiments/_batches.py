@@ -107,8 +107,8 @@ def in_batches(
         function: Batched function.
         stretches: Stretches of any lengths.
         samples: Largest number of samples in a batch.
-        size: Number of stretches in a batch, if they are short enough, so that calls with other numbers share a program;
-            by default enough for all of one length.
+        size: Number of stretches in a batch, if they are short enough, so that calls with more or fewer share a
+            program; by default enough for all of one length.
 
     Yields:
         The index of a stretch, and its result as NumPy arrays, still padded. The order is not that of the stretches.
@@ -135,6 +135,6 @@ def _power_of_two(count: int) -> int:
 
 
 def _rounded(length: int) -> int:
-    """Length up to an eighth longer, so that windows of 97 to 104 samples share a program, whichever call they are in."""
+    """Length up to an eighth longer, so that windows of 97 to 104 samples share a program."""
     step = 1 << max(0, (length - 1).bit_length() - 4)
     return -(-length // step) * step

@@ -1,6 +1,7 @@
 """The Gauss-Newton matrix JᵀJ of the residuals, gathered window by window."""
 
 import functools
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -12,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
+from threadpoolctl import threadpool_limits
 
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Inputs, Scalar, State
@@ -30,6 +32,7 @@ _LARGEST_JACOBIAN = 2**23  # Entries of a block.
 _MOST_KEPT = 2**28  # Entries of all blocks.
 _CACHED_WINDOWS = 16  # They stay in the processor's cache (`benchmarks/`).
 _PINNED = 1e-5  # Relative standard deviation.
+_FEW_PARAMETERS: Final = 512  # Threads wait longer for each other than products of so few take.
 
 
 class NormalEquations(NamedTuple):
@@ -160,6 +163,11 @@ def _jacobian(
     return jax.vmap(lambda window: linearize(restore, theta, objective, window)[1])(batch)
 
 
+def _threads(parameters: int) -> int | None:
+    """Threads of the matrix products; None for as many as there are."""
+    return 1 if parameters <= _FEW_PARAMETERS else None
+
+
 @final
 @dataclass(frozen=True, kw_only=True)
 class Linearization:
@@ -214,9 +222,10 @@ class Linearization:
         size = self.theta.size
         matrix, spread = np.zeros((2, size, size))
         gradient = np.zeros(size)
-        for some, block in self._blocks():
-            J, r = block.astype(float), residuals[some]
-            with np.errstate(over="ignore", invalid="ignore"):  # Callers see that the sums are not finite.
+        # Callers see that the sums are not finite.
+        with threadpool_limits(_threads(size), user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
+            for some, block in self._blocks():
+                J, r = block.astype(float), residuals[some]
                 pulls = np.einsum("wrp,wr->wp", J, r.reshape(len(r), -1), optimize=True)
                 J = J.reshape(-1, size)
                 matrix += J.T @ J
@@ -263,12 +272,20 @@ class Linearization:
         total, *rest = self.found.residuals.shape
         rows = math.prod(rest)
         chunk = self.chunk or min(_CACHED_WINDOWS, max(1, _LARGEST_JACOBIAN // (rows * self.theta.size)))
-        for start in range(0, total, chunk):
-            some, block = slice(start, min(start + chunk, total)), self._kept.get(start)
-            if block is None:
-                index = filled(start, chunk, total)
-                restore, theta, objective, windows = self._rough
-                block = np.asarray(_jacobian(restore, theta, objective, windows.take(index)))[: some.stop - start]
-                if total * rows * self.theta.size <= _MOST_KEPT:
-                    self._kept[start] = block
+        starts = range(0, total, chunk)
+        begun = {start: self._begin(start, chunk, total) for start in starts[:1]}
+        for start, following in itertools.zip_longest(starts, starts[1:]):
+            if following is not None:  # Computed while what is made of this one is.
+                begun[following] = self._begin(following, chunk, total)
+            some = slice(start, min(start + chunk, total))
+            block = np.asarray(begun.pop(start))[: some.stop - start]
+            if total * rows * self.theta.size <= _MOST_KEPT:
+                self._kept[start] = block
             yield some, block
+
+    def _begin(self, start: int, chunk: int, total: int) -> Float[Array, "b r P"] | Float[np.ndarray, "b r P"]:
+        """Let a block be computed, which takes its time elsewhere, or take the one that is kept."""
+        if start in self._kept:
+            return self._kept[start]
+        restore, theta, objective, windows = self._rough
+        return _jacobian(restore, theta, objective, windows.take(filled(start, chunk, total)))
