@@ -93,8 +93,8 @@ def _chosen(path: Path, name: str, wanted: Sequence[str], every: Sequence[Rows])
     found: Mapping[str, None] = dict.fromkeys(rows.label for rows in every if rows.label is not None)
     if not found and any(len(rows) for rows in every):
         raise DataError(
-            f"`{path}`: [{name}] `recordings` are told apart by a column, a star in names of variables, or the first of "
-            'three axes of arrays; got none of them. Name the column: `recording = "trial"` before the tables.'
+            f"`{path}`: [{name}] `recordings` are told apart by a column, a star in names of variables, or the first "
+            'of three axes of arrays; got none of them. Name the column: `recording = "trial"` before the tables.'
         )
     for label in wanted:
         if label not in found:
