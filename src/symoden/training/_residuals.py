@@ -15,7 +15,9 @@ from ._objective import AbstractObjective, Batch
 from ._starts import Found, find_start, follow_start
 
 _ITERATIONS = 3
-_BLOCK = 64  # Windows. A program compiles for seconds: of one size, it serves training and validation windows alike.
+# Windows. A program compiles for seconds: of one size, it serves training and validation windows alike; what fills the
+# last block is computed in vain, and of a handful of long windows more would be that than not.
+_BLOCK = 16
 
 
 def find_starts(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Found:
