@@ -10,7 +10,11 @@ from ._noise import SensorNoise as SensorNoise, measure_noise as measure_noise
 from ._read_dataset import read_dataset as read_dataset
 from ._resample import resample as resample
 from ._spans import choose_spans as choose_spans
-from ._split import segments as segments, split_validation as split_validation
+from ._split import (
+    segments as segments,
+    split_validation as split_validation,
+    validates_by_ends as validates_by_ends,
+)
 from ._time_scale import time_scales as time_scales
 from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory
@@ -44,6 +48,7 @@ __all__ = [
     "split_validation",
     "states",
     "time_scales",
+    "validates_by_ends",
     "velocity_noise_gain",
     "windows",
     "write_dataset",

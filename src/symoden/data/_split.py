@@ -14,6 +14,7 @@ from ._errors import DataError
 from ._trajectory import Trajectory
 
 _SHOWN = 10
+_TAIL = "#tail"  # Of a recording's name, that its end has.
 _MANY = 10  # From so many groups on, whole groups are held out rather than the ends of recordings.
 
 
@@ -95,6 +96,21 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
     return dataclasses.replace(dataset, train=train, validation=validation)
 
 
+def validates_by_ends(dataset: Dataset) -> bool:
+    """Whether validation recordings are the ends of those in `train`, as `split_validation` makes them of few.
+
+    What is peculiar to a recording, such as an encoder that was switched on elsewhere, is then the same in both.
+
+    Args:
+        dataset: Data set with its validation part.
+
+    Returns:
+        Whether they are.
+    """
+    tails = {trajectory.name + _TAIL for trajectory in dataset.train}
+    return any(trajectory.name in tails for trajectory in dataset.validation)
+
+
 def _needed(trajectories: Sequence[Trajectory], fraction: float, min_samples: int) -> int:
     """Samples of a recording of which a share can be held out."""
     least = max([min_samples, *(trajectory.initial_samples + 1 for trajectory in trajectories)])
@@ -116,5 +132,5 @@ def _without_tail(
     if min(cut, len(trajectory) - cut) < max(min_samples, trajectory.initial_samples + 1):
         return [trajectory], []
     head = trajectory.cut(0, cut, name=trajectory.name)
-    tail = trajectory.cut(cut, len(trajectory), name=f"{trajectory.name}#tail")
+    tail = trajectory.cut(cut, len(trajectory), name=trajectory.name + _TAIL)
     return [head], [tail]

@@ -13,7 +13,16 @@ import scipy.stats
 from jax.typing import DTypeLike
 from jaxtyping import Float
 
-from symoden.data import Dataset, DataWarning, Trajectory, measure_noise, spaced_evenly, split_validation, windows
+from symoden.data import (
+    Dataset,
+    DataWarning,
+    Trajectory,
+    measure_noise,
+    spaced_evenly,
+    split_validation,
+    validates_by_ends,
+    windows,
+)
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
@@ -353,3 +362,28 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
             long = long._replace(validation=judged)
         found.append(_free_starts(_thinned(long, config.lm_samples), dataset))
     return found
+
+
+def across_recordings(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> Data | None:
+    """Windows of every other recording to fit, and of those between to choose by, where ends of recordings do else.
+
+    A thousand numbers of networks learn what is peculiar to every recording, as the zeros of encoders are. Its end has
+    the same peculiarity, so that its loss falls too, and other recordings are predicted worse (`benchmarks/`).
+
+    Args:
+        dataset: Recordings, with their validation part.
+        dynamics: Model, for its space.
+        data: Windows of all of them.
+        config: Settings of training.
+
+    Returns:
+        The windows, as long as these and compared as they are; None where validation recordings are others already, or
+        there are not two that are long enough.
+    """
+    horizon = data.train.ts.shape[1] - 1
+    long = tuple(recording for recording in dataset.train if len(recording) > horizon)
+    if len(long) < 2 or not validates_by_ends(dataset):
+        return None
+    halves = dataclasses.replace(dataset, train=long[::2], validation=long[1::2])
+    cut = _data(halves, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
+    return _thinned(cut._replace(objective=data.objective), config.lm_samples)

@@ -15,7 +15,17 @@ from symoden.models import StructuredModel
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
-from ._data import LONGER, Data, adam_data, levenberg_data, longer_data, name_short, name_thinned, regression_data
+from ._data import (
+    LONGER,
+    Data,
+    across_recordings,
+    adam_data,
+    levenberg_data,
+    longer_data,
+    name_short,
+    name_thinned,
+    regression_data,
+)
 from ._flatten import freed
 from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
@@ -73,7 +83,9 @@ def line_up(
             stages.append(
                 LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess, widens=not first)
             )
-        stages.extend(_further(dynamics, data, longer_data(dataset, dynamics, data, config), config))
+        longer = longer_data(dataset, dynamics, data, config)
+        apart = across_recordings(dataset, dynamics, [data, *longer][-1], config)
+        stages.extend(_further(dynamics, data, longer, config, apart=apart, start=len(stages)))
     return stages
 
 
@@ -110,6 +122,8 @@ def _further(
     config: TrainingConfig,
     *,
     regression: bool = False,
+    apart: Data | None = None,
+    start: int = 0,
 ) -> list[LevenbergStage]:
     """Corrections: of inertia, inputs and V; friction's laws, directions, what of all that is needed, networks.
 
@@ -132,6 +146,9 @@ def _further(
     predicted worse. In longer windows priors go on from what shorter ones taught: with wide ones again, noise would
     fill what these had closed. Errors that they were learned beside are then gone: a refit follows, in which they fade
     with the loss.
+
+    Networks learn from some recordings what others must confirm, if there are windows `apart` for that; what they
+    learned is then fitted to all. They are the stages from index `start` on.
 
     What comes after longer windows goes by the longest: short ones would undo what these find.
 
@@ -192,7 +209,11 @@ def _further(
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
     networks = NETWORKS if any(dynamics.space.is_angle) else NETWORKS | POTENTIAL
     if not regression and has(networks) and fits(judged | networks):
-        stages.append(LevenbergStage(longest, config, "growth", grow, judged | networks, margin=_CLEAR, frees=True))
+        grown = apart or longest
+        stages.append(LevenbergStage(grown, config, "growth", grow, judged | networks, margin=_CLEAR, frees=True))
+        if apart is not None:
+            after = start + len(stages) - 1
+            stages.append(LevenbergStage(longest, config, "growth on all", grow, judged, margin=-_CLEAR, after=after))
     return stages
 
 
