@@ -21,6 +21,7 @@ from ._control import (
     outside_data as outside_data,
     try_control as try_control,
 )
+from ._data_summary import DataSummary as DataSummary, summarize as summarize
 from ._evaluate import (
     Prediction as Prediction,
     RecordingScore as RecordingScore,
@@ -70,7 +71,6 @@ from ._results import (
 )
 from ._run_cell import check_cell as check_cell, run_cell as run_cell
 from ._runs import (
-    DataSummary as DataSummary,
     RunConfig as RunConfig,
     TrainingSummary as TrainingSummary,
     evaluation_solver as evaluation_solver,
@@ -79,7 +79,6 @@ from ._runs import (
     read_run as read_run,
     read_run_source as read_run_source,
     refuse_occupied as refuse_occupied,
-    summarize as summarize,
     train_run as train_run,
     write_run as write_run,
 )

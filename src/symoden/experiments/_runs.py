@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import hashlib
 import json
 import os
 import platform
@@ -11,9 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final, Literal
-
-import numpy as np
+from typing import Final
 
 from symoden.data import Dataset
 from symoden.integrate import RK4
@@ -30,7 +27,7 @@ from symoden.training import (
     ignore,
 )
 
-from ._ranges import Ranges
+from ._data_summary import DataSummary
 from ._settings import decode
 from ._sources import Source, absolute_name, read_source
 from ._tasks import TASKS
@@ -53,33 +50,6 @@ def _commit() -> str | None:
         head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, check=True, text=True)
         return head.stdout.strip()
     return None
-
-
-@dataclass(frozen=True, kw_only=True)
-class DataSummary:
-    """What a run keeps of its data, so that its model can be inspected without them.
-
-    Attributes:
-        space: Configuration space that the model was told.
-        momenta: Whether rates are momenta.
-        hold: What an input is between samples.
-        recordings: Number of recordings of each part.
-        samples: Number of samples of each part.
-        position_names: Names of the coordinates.
-        input_names: Names of the inputs.
-        ranges: Least and largest values in the training part.
-        digest: SHA-256 of the recordings of each part and of all that is told of them; resuming with others is refused.
-    """
-
-    space: str
-    momenta: bool
-    hold: Literal["zero", "linear"]
-    recordings: dict[str, int]
-    samples: dict[str, int]
-    position_names: tuple[str, ...]
-    input_names: tuple[str, ...]
-    ranges: Ranges
-    digest: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,43 +120,6 @@ class RunConfig:
     def settled_substeps(self) -> int:
         """RK4 steps in a sampling interval that training ended with."""
         return max(self.training.substeps, self.training.lm_substeps or 1, self.substeps)
-
-
-def summarize(dataset: Dataset) -> DataSummary:
-    """Summarise a data set.
-
-    Args:
-        dataset: The data set.
-
-    Returns:
-        Its summary.
-    """
-    parts = {"train": dataset.train, "validation": dataset.validation, "test": dataset.test}
-    return DataSummary(
-        space=dataset.space,
-        momenta=dataset.momenta,
-        hold=dataset.hold,
-        recordings={name: len(part) for name, part in parts.items()},
-        samples={name: sum(map(len, part)) for name, part in parts.items()},
-        position_names=dataset.position_names,
-        input_names=dataset.input_names,
-        ranges=Ranges.of(dataset.train or dataset.recordings),
-        digest=_digest(dataset),
-    )
-
-
-def _digest(dataset: Dataset) -> str:
-    """SHA-256 of a data set: data that moved from one part to another, or of which something else is told, differ."""
-    digest = hashlib.sha256(repr((dataset.space, dataset.momenta, dataset.hold, dataset.known)).encode())
-    given = np.zeros(0) if dataset.input_matrix is None else dataset.input_matrix
-    arrays = {"input_matrix": given}
-    for part in ("train", "validation", "test"):
-        for k, recording in enumerate(getattr(dataset, part)):
-            arrays |= {f"{part}/{k}/{name}": getattr(recording, name) for name in ("ts", "q", "rates", "us")}
-    for name, array in arrays.items():
-        digest.update(f"{name} {array.shape}".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()
 
 
 def holds_run(folder: Path) -> bool:

@@ -1,0 +1,75 @@
+"""What a run keeps of its data: enough to inspect its model, and to tell whether data are the same."""
+
+import hashlib
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from symoden.data import Dataset
+
+from ._ranges import Ranges
+
+
+@dataclass(frozen=True, kw_only=True)
+class DataSummary:
+    """What a run keeps of its data, so that its model can be inspected without them.
+
+    Attributes:
+        space: Configuration space that the model was told.
+        momenta: Whether rates are momenta.
+        hold: What an input is between samples.
+        recordings: Number of recordings of each part.
+        samples: Number of samples of each part.
+        position_names: Names of the coordinates.
+        input_names: Names of the inputs.
+        ranges: Least and largest values in the training part.
+        digest: SHA-256 of the recordings of each part and of all that is told of them; resuming with others is refused.
+    """
+
+    space: str
+    momenta: bool
+    hold: Literal["zero", "linear"]
+    recordings: dict[str, int]
+    samples: dict[str, int]
+    position_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    ranges: Ranges
+    digest: str
+
+
+def summarize(dataset: Dataset) -> DataSummary:
+    """Summarise a data set.
+
+    Args:
+        dataset: The data set.
+
+    Returns:
+        Its summary.
+    """
+    parts = {"train": dataset.train, "validation": dataset.validation, "test": dataset.test}
+    return DataSummary(
+        space=dataset.space,
+        momenta=dataset.momenta,
+        hold=dataset.hold,
+        recordings={name: len(part) for name, part in parts.items()},
+        samples={name: sum(map(len, part)) for name, part in parts.items()},
+        position_names=dataset.position_names,
+        input_names=dataset.input_names,
+        ranges=Ranges.of(dataset.train or dataset.recordings),
+        digest=_digest(dataset),
+    )
+
+
+def _digest(dataset: Dataset) -> str:
+    """SHA-256 of a data set: data that moved from one part to another, or of which something else is told, differ."""
+    digest = hashlib.sha256(repr((dataset.space, dataset.momenta, dataset.hold, dataset.known)).encode())
+    given = np.zeros(0) if dataset.input_matrix is None else dataset.input_matrix
+    arrays = {"input_matrix": given}
+    for part in ("train", "validation", "test"):
+        for k, recording in enumerate(getattr(dataset, part)):
+            arrays |= {f"{part}/{k}/{name}": getattr(recording, name) for name in ("ts", "q", "rates", "us")}
+    for name, array in arrays.items():
+        digest.update(f"{name} {array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
