@@ -8,19 +8,19 @@ from symoden.data import check_dataset
 STEP = 0.01
 
 
-def pendulum(path, delay, *, seed=0, samples=2000, noise=1e-3):
+def pendulum(path, delay, *, seed=0, samples=2000, noise=1e-3, step=STEP):
     """A damped pendulum with steps of its input, logged as they are commanded."""
     rng = np.random.default_rng(seed)
-    ts = STEP * np.arange(samples)
+    ts = step * np.arange(samples)
     u = np.repeat(rng.uniform(-2, 2, samples // 50 + 1), 50)[:samples]
-    late = round(delay / STEP)
+    late = round(delay / step)
     acts = np.concatenate([np.zeros(late), u])[:samples]
     states = np.zeros((samples, 2))
     for k in range(samples - 1):
         q, v = states[k]
         for _ in range(10):
-            v += STEP / 10 * (acts[k] - 4 * np.sin(q) - 0.5 * v)
-            q += STEP / 10 * v
+            v += step / 10 * (acts[k] - 4 * np.sin(q) - 0.5 * v)
+            q += step / 10 * v
         states[k + 1] = q, v
     measured = states + rng.normal(0, noise, states.shape) * [1, 3]
     np.savetxt(path / "run.csv", np.column_stack([ts, measured, u]), delimiter=",", header="t,q,v,u", comments="")
@@ -43,9 +43,17 @@ def test_a_late_input_is_named_with_its_delay(tmp_path, delay, noise):
     (one,) = described(tmp_path)
     assert (one.level, one.channel) == ("note", "u")
     said = float(one.advice.partition("`input_delay = ")[2].partition("`")[0])
-    assert said == pytest.approx(delay, abs=0.015)
+    assert said == pytest.approx(delay, abs=0.0051)
     (rest,) = described(tmp_path, "input_delay = 0.02")  # Both together are as late.
-    assert float(rest.advice.partition("`input_delay = ")[2].partition("`")[0]) == pytest.approx(delay, abs=0.015)
+    assert float(rest.advice.partition("`input_delay = ")[2].partition("`")[0]) == pytest.approx(delay, abs=0.0051)
+    assert described(tmp_path, f"input_delay = {delay}") == []
+
+
+@pytest.mark.parametrize("delay", [0.025, 0.05, 0.075])
+def test_a_delay_of_whole_samples_is_found_to_the_sample_where_inputs_are_held(tmp_path, delay):
+    pendulum(tmp_path, delay, step=0.025, samples=1500)
+    (one,) = described(tmp_path)
+    assert float(one.advice.partition("`input_delay = ")[2].partition("`")[0]) == pytest.approx(delay, abs=1e-3)
     assert described(tmp_path, f"input_delay = {delay}") == []
 
 

@@ -126,9 +126,7 @@ def test_recordings_that_cannot_be_are_refused(tmp_path, more, said):
 def test_recordings_without_a_column_that_tells_them_are_refused(tmp_path):
     path = written(tmp_path, table(), more=TEST.format("[1]"))
     path.write_text(path.read_text().replace('recording = "trial"\n', ""))
-    with pytest.raises(
-        DataError, match=r"\[test\] `recordings` are told apart by a column, a star in names"
-    ):
+    with pytest.raises(DataError, match=r"\[test\] `recordings` are told apart by a column, a star in names"):
         read_dataset(path)
 
 

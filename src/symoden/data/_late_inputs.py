@@ -12,7 +12,7 @@ from ._regression import unseen_residuals
 from ._trajectory import Trajectory
 
 _LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less.
-_DELAYS: Final = 25
+_FINEST: Final = 0.005  # [s] between delays that are tried; half a step else.
 _BUMP: Final = 0.15  # [s], or eight samples: what is shorter is noise of the velocities.
 _FEWEST_STEPS: Final = 8
 _MOST: Final = 800  # Bumps.
@@ -56,15 +56,17 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     numbers = fixed.shape[1] + dataset.inputs * parts[0].turning.shape[2]
     if len(fixed) < 2 * _MANY * numbers:
         return []
-    every = np.linspace(0.0, _LONGEST, _DELAYS)
+    every = np.arange(0.0, _LONGEST, max(step / 2, _FINEST))
     variance = np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
     left = []
+    held = dataset.hold == "zero"
     for delay in every:
-        regressors = np.concatenate([fixed, np.concatenate([part.pushed(delay) for part in parts])], axis=1)
+        pushed = np.concatenate([part.pushed(delay, held=held) for part in parts])
+        regressors = np.concatenate([fixed, pushed], axis=1)
         left.append(np.mean(unseen_residuals(regressors, gained) ** 2, axis=0) / variance)
     now, best = left[0], int(np.argmin([np.mean(each) for each in left]))
     then, delay = left[best], float(every[best])
-    interior = delay > 1.5 * step and best < _DELAYS - 1
+    interior = delay > step / 2 and best < len(every) - 1
     if not interior or np.mean(then) > min(_EXPLAINED, _LESS * np.mean(now)) or (then > 1.05 * now).any():
         return []
     total = [float(f"{each + delay:.2g}") for each in delays]
@@ -74,8 +76,8 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
             kind="delay",
             level="note",
             channel=dataset.input_names[0] if dataset.inputs == 1 else "",
-            text=f"in [train] accelerations follow the inputs best {delay:.2g} s late: {np.mean(now):.0%} of their "
-            f"variance is unexplained without, {np.mean(then):.0%} with such a delay",
+            text=f"in [train] accelerations follow the inputs best {delay:.2g} s late: {100 * np.mean(now):.2g}% of their "
+            f"variance is unexplained without, {100 * np.mean(then):.2g}% with such a delay",
             advice=f"Try `input_delay = {said}`: by drives, networks or slow actuators. Errors of recordings held "
             "out of training tell whether it is better.",
         )
@@ -100,6 +102,7 @@ class _Bumps(NamedTuple):
         samples: Its samples under each bump.
         motion: ∫ w of what accelerates a mechanism beside its inputs.
         gained: ∫ w dv.
+        cells: dt of every sample [s].
         turning: w dt of every sample as it is, and as it turns with each angle.
     """
 
@@ -107,14 +110,20 @@ class _Bumps(NamedTuple):
     samples: Int[np.ndarray, "B s"]
     motion: Float[np.ndarray, "B k"]
     gained: Float[np.ndarray, "B n"]
+    cells: Float[np.ndarray, "B s"]
     turning: Float[np.ndarray, "B s a"]
 
-    def pushed(self, delay: float) -> Float[np.ndarray, "B k"]:
+    def pushed(self, delay: float, *, held: bool) -> Float[np.ndarray, "B k"]:
         """∫ w u dt of inputs of some time ago, as they are and as they turn with each angle."""
-        ts = self.recording.ts
+        # Means over every sample's dt: an input that is held until the next row acts half a step later than its row.
+        ts, us = self.recording.ts, self.recording.us
+        between = us[:-1] if held else (us[:-1] + us[1:]) / 2
+        sums = np.concatenate([np.zeros((1, us.shape[1])), np.cumsum(between * np.diff(ts)[:, None], axis=0)])
         at = ts[self.samples] - delay
-        us = np.stack([np.interp(at, ts, column) for column in self.recording.us.T], axis=2)
-        return np.einsum("bsm,bsa->bma", us, self.turning, optimize=True).reshape(len(at), -1)
+        ends = (at + sign * self.cells / 2 for sign in (1, -1))
+        after, before = (np.stack([np.interp(end, ts, column) for column in sums.T], axis=2) for end in ends)
+        means = (after - before) / self.cells[:, :, None]
+        return np.einsum("bsm,bsa->bma", means, self.turning, optimize=True).reshape(len(at), -1)
 
 
 def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray) -> _Bumps:
@@ -129,5 +138,6 @@ def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angl
         samples=samples,
         motion=np.einsum("bs,bsk->bk", weight * times, _motion(recording, is_angle)[samples]),
         gained=-np.einsum("bs,bsk->bk", slope * times, recording.rates[samples]),
+        cells=times,
         turning=(weight * times)[:, :, None] * turns[samples],
     )
