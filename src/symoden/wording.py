@@ -1,6 +1,9 @@
 """Words that messages share."""
 
 from collections.abc import Iterable
+from typing import Final
+
+_FAR: Final = 1e5  # [s], of a clock that did not start with the recording.
 
 
 def first_few(names: Iterable[str], most: int) -> str:
@@ -19,3 +22,19 @@ def first_few(names: Iterable[str], most: int) -> str:
     """
     every = list(names)
     return ", ".join(every[:most] + ["…"] * (len(every) > most))
+
+
+def stamp(seconds: float) -> str:
+    """A time stamp with as many digits as tell it from those beside it, also where it counts from 1970 on.
+
+    Args:
+        seconds: The time [s].
+
+    Returns:
+        The number.
+
+    Example:
+        >>> stamp(12.3456789), stamp(1717493100.25)
+        ('12.3457', '1717493100.250')
+    """
+    return f"{seconds:.6g}" if abs(seconds) < _FAR else f"{seconds:.3f}"

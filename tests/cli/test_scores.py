@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from symoden.cli._scores import poor
+from symoden.cli._scores import poor, share_of_motion
 from symoden.experiments import RecordingScore, WindowScore
 
 
@@ -20,7 +20,6 @@ def recording(error, motion):
         ([recording(0.4, 1.0)], False),
         ([recording(0.6, 1.0)], True),
         ([recording(0.9, 1.0), recording(0.01, 1.0)], False),  # One of them may be another motion.
-        ([recording(math.inf, 1.0)], True),
         ([recording(math.nan, math.nan)], False),  # Shorter than a window.
         ([recording(math.nan, math.nan), recording(0.6, 1.0)], True),
     ],
@@ -29,3 +28,17 @@ def test_predictions_that_are_hardly_better_than_standing_still_are_called_so(re
     words = poor(recordings)
     assert bool(words) == is_poor
     assert not is_poor or "hardly better than standing still" in words
+
+
+def test_predictions_that_diverge_are_not_blamed_on_inputs():
+    words = poor([recording(0.1, 1.0), recording(math.inf, 1.0)])
+    assert words.startswith("over 1 s most predictions of `run` diverge")
+    assert "sign" not in words
+
+
+def test_errors_are_compared_with_the_motion():
+    assert share_of_motion([recording(0.2, 1.0), recording(0.1, 0.5), recording(math.nan, math.nan)]) == pytest.approx(
+        0.2
+    )
+    assert share_of_motion([recording(math.inf, 1.0)]) == math.inf
+    assert math.isnan(share_of_motion([]))

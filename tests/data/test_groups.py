@@ -35,6 +35,7 @@ SELECTORS = {"time": "data/demo_*/t", "positions": "data/demo_*/q", "inputs": ("
 def test_a_star_stands_for_a_recording_in_the_order_of_its_number(tmp_path, suffix):
     recordings = {label: recorded(label) for label in ("10", "lift", "2")}
     rows = read_rows(saved(tmp_path / f"demos{suffix}", recordings), SELECTORS, slice(5, None))
+    assert rows.labels is not None
     kept = {label: rows.take(np.flatnonzero(rows.labels == label), label) for label in LENGTHS}
     for label, found in kept.items():
         for role, name in (("time", "t"), ("positions", "q"), ("inputs", "u")):

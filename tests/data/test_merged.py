@@ -162,7 +162,7 @@ def test_such_a_table_is_named_and_read_and_places_are_those_of_the_file(tmp_pat
     line = 2 + int(np.searchsorted(np.sort(np.concatenate([t, tu])), t[700]))
     (check,) = check_dataset(path).recordings
     assert [one.kind for one in check.findings if one.kind in {"clocks", "impossible"}] == ["clocks", "impossible"]
-    said = f"`u` and the positions have numbers in different rows: {len(t)} of {len(t) + len(tu)} are used"
+    said = f"`u` and `q1` have numbers in different rows: {len(t)} of {len(t) + len(tu)} are used"
     assert said in check.findings[0].text
     assert any(f"line {line} (row {line - 2})" in finding.text for finding in check.findings)
     with pytest.warns(DataWarning) as warned:

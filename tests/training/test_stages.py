@@ -74,7 +74,7 @@ def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_f
     started = last.start(state)
     after, report = last.advance(started)
     assert report.finished
-    size = f"{-errors:+.1f} standard errors, more than {margin or 0:+.0f} wanted"
+    size = f"{-errors:+.2f} standard errors, more than {margin or 0:+.0f} wanted"
     if math.isinf(errors):
         size = "a tenth or less" if errors < 0 else "tenfold or more"
     assert told(report.verdict) == ("" if margin is None else f"{kept} {size}")
@@ -268,7 +268,7 @@ def test_priors_that_time_ran_out_for_have_brought_what_they_have_by_then(stage,
     assert not report.finished
     assert eqx.tree_equal(during.best, started.best)
     settled, verdict = relevance.settled(during)
-    assert told(verdict) == f"{kept} -{worse} standard errors, more than -1 wanted"
+    assert told(verdict) == f"{kept} -{worse:.2f} standard errors, more than -1 wanted"
     assert eqx.tree_equal(settled.best, during.model if kept else started.best)
     assert settled.best_loss == pytest.approx(report.validation if kept else started.best_loss)
 

@@ -29,4 +29,4 @@ def test_verdicts_of_few_windows_say_how_many(stage, windows, words):
     stage, state = stage
     data = stage.data._replace(validation=stage.data.train.take(np.arange(windows) % len(stage.data.train.ts)))
     _, why = data.gain(state.best, 1.0, state.best, stage.objective(1, state.weighing))
-    assert why.endswith(f"+0.0 standard errors{words}")
+    assert why.endswith(f"+0.00 standard errors{words}")

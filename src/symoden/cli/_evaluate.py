@@ -33,7 +33,7 @@ def run(command: Evaluate) -> None:
     model = read_model(command.run)
     name_unfinished(config)
     source = own_source(config) if command.source is None else read_run_source(config, command.source)
-    scores = report_scores(model, config, source, json=command.general.json)
+    scores = report_scores(model, config, source, json=command.general.json).values
     bands, missing = _bands(command, config, model, source) if command.bands else (None, "")
     score = bands and score_bands(bands, source.dataset.test)
     if bands is not None:

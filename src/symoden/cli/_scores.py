@@ -20,6 +20,7 @@ from symoden.experiments import (
 )
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
+from symoden.wording import first_few
 
 from ._output import TableText, number, print_table
 
@@ -35,14 +36,16 @@ class Scores(NamedTuple):
         values: For JSON.
         table: As they are printed.
         warning: What to say of them; mostly nothing.
+        share: How far predictions over 1 s are off, relative to how far positions move; NaN where there are none.
     """
 
     values: dict[str, object]
     table: TableText
     warning: str = ""
+    share: float = math.nan
 
 
-def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> dict[str, object]:
+def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> Scores:
     """Score a model on a task or on a data set, and print the table unless JSON was asked for.
 
     Args:
@@ -52,14 +55,31 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
         json: Whether to leave the table out.
 
     Returns:
-        The scores for JSON.
+        The scores.
     """
     scores = scores_of(model, config, source)
     if not json:
         print_table(*scores.table)
     if scores.warning:
         print(f"warning: {scores.warning}", file=sys.stderr)
-    return scores.values
+    return scores
+
+
+def share_of_motion(recordings: Sequence[RecordingScore]) -> float:
+    """How far predictions over 1 s are off, relative to how far positions move, in the mean over the recordings.
+
+    Args:
+        recordings: Scores of recordings.
+
+    Returns:
+        The share; NaN where no recording is as long as a window.
+    """
+    long = [each for each in recordings if math.isfinite(each.motion)]
+    error = sum(each.window_rmse.median for each in long)
+    motion = sum(each.motion for each in long)
+    if motion:
+        return error / motion
+    return math.inf if error else math.nan
 
 
 def poor(recordings: Sequence[RecordingScore]) -> str:
@@ -72,6 +92,12 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
         The words; none where predictions are better, or no recording is as long as a window.
     """
     long = [each for each in recordings if math.isfinite(each.motion)]
+    lost = [f"`{each.name}`" for each in long if not math.isfinite(each.window_rmse.median)]
+    if lost:
+        return (
+            f"over 1 s most predictions of {first_few(lost, _FEW)} diverge. Its motion may lie outside of what "
+            "training has seen (`symoden inspect` says how far), or the model is a poor one."
+        )
     error = sum(each.window_rmse.median for each in long)
     motion = sum(each.motion for each in long)
     if error <= _POOR * motion:
@@ -102,6 +128,7 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
             {"recordings": [asdict(recording) for recording in recordings]},
             _recordings(recordings, model.space, config.data.position_names),
             poor(recordings),
+            share_of_motion(recordings),
         )
     score = score_task(model, source, solver=solver)
     errors = {f"{name}_error": getattr(score, name)._asdict() for name in _ERRORS}

@@ -30,6 +30,7 @@ from ._scores import report_scores
 from ._words import ensemble_words, size_words
 
 _POOR: Final = 0.3  # Loss relative to the motion from which it is worth a word.
+_GOOD: Final = 0.25  # Share of the motion that predictions over a second are off by, whatever a few windows say.
 
 
 def run(command: Train) -> None:
@@ -59,15 +60,16 @@ def run(command: Train) -> None:
             max_minutes=command.max_minutes,
             progress=progress,
         )
-    if result.completed and config.training.scaled_loss and result.loss > _POOR:
+    scores = report_scores(result.model, read_run(command.out), source, json=command.general.json)
+    doubtful = result.completed and config.training.scaled_loss and result.loss > _POOR
+    if doubtful and not scores.warning and not scores.share < _GOOD:
         print(
             f"warning: a loss of {result.loss:.2g} is much of the motion: one of 1 predicts nothing. Unless noise "
             "is as large, look for a wrong unit, sign or space, or for an input that is not in the log (`data check`).",
             file=sys.stderr,
         )
-    scores = report_scores(result.model, read_run(command.out), source, json=command.general.json)
     if command.general.json:
-        print_json(_as_json(command, result) | scores)
+        print_json(_as_json(command, result) | scores.values)
     else:
         model = result.model
         size = size_words(count_parameters(model), count_active(model, jnp.zeros(model.space.size)))

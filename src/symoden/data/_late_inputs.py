@@ -76,8 +76,8 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
             kind="delay",
             level="note",
             channel=dataset.input_names[0] if dataset.inputs == 1 else "",
-            text=f"in [train] accelerations follow the inputs best {delay:.2g} s late: {100 * np.mean(now):.2g}% of their "
-            f"variance is unexplained without, {100 * np.mean(then):.2g}% with such a delay",
+            text=f"in [train] accelerations follow the inputs best {delay:.2g} s late: {100 * np.mean(now):.2g}% of "
+            f"their variance is unexplained without, {100 * np.mean(then):.2g}% with such a delay",
             advice=f"Try `input_delay = {said}`: by drives, networks or slow actuators. Errors of recordings held "
             "out of training tell whether it is better.",
         )

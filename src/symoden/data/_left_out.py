@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from symoden.wording import stamp
+
 from ._findings import SHOWN_SPANS, Finding
 from ._logs import Log
 from ._masking import Mask
@@ -54,8 +56,8 @@ def find_merged(log: Log) -> list[Finding]:
             kind="clocks",
             level="warning",
             channel=each.channel,
-            text=f"`{each.channel}` has no number for {each.end - each.start:.3g} s, from {each.start:.10g} s on, far "
-            "longer than usual: it is held meanwhile",
+            text=f"`{each.channel}` has no number for {each.end - each.start:.3g} s, from {stamp(each.start)} s on, "
+            "far longer than usual: it is held meanwhile",
             advice="Nothing need be done if it is sent when it changes; if messages were lost, leave that time out by "
             "`rows`.",
             spans=((each.start, each.end),),
@@ -67,8 +69,8 @@ def find_merged(log: Log) -> list[Finding]:
             kind="clocks",
             level="note",
             channel=log.merged.columns[0] if len(log.merged.columns) == 1 else "",
-            text=f"{columns} and the positions have numbers in different rows: {len(log)} of {log.merged.rows} are "
-            "used, those of the positions",
+            text=f"{columns} and `{log.names['positions'][0]}` have numbers in different rows: {len(log)} of "
+            f"{log.merged.rows} are used, those of the latter",
             advice="Nothing need be done: held inputs act as their mean over each step, the others are interpolated. "
             "Where a sensor fails that often, leave its column or the file out.",
         ),
@@ -264,7 +266,7 @@ def _gaps(mask: Mask) -> list[Finding]:
             level="masked",
             channel="",
             text=f"{len(mask.gaps)} gap{'s' if len(mask.gaps) > 1 else ''} in time, the longest {end - start:.3g} s "
-            f"from {start:.6g} to {end:.6g} s{dropped}",
+            f"from {stamp(start)} to {stamp(end)} s{dropped}",
             advice="Nothing need be done: nothing is made up for a gap, the recording is split there.",
             spans=mask.gaps,
         )

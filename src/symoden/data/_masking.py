@@ -7,6 +7,8 @@ from typing import Final
 
 import numpy as np
 
+from symoden.wording import stamp
+
 from ._blind import BlindRows
 from ._impossible import Impossible
 from ._logs import Log
@@ -72,7 +74,7 @@ class Mask:
         if self.gaps:
             start, end = max(self.gaps, key=lambda gap: gap[1] - gap[0])
             count = f"{len(self.gaps)} gap{'s' if len(self.gaps) > 1 else ''} in time"
-            what.append(f"{count} (the longest {end - start:.3g} s, from {start:.6g} s on)")
+            what.append(f"{count} (the longest {end - start:.3g} s, from {stamp(start)} s on)")
             into = f"`{name}#1` to `{name}#{len(self.pieces)}`" if len(self.pieces) > 1 else "one piece"
             what.append(f"kept as {into}" + (f", {sum(self.dropped)} samples too short" if self.dropped else ""))
         return ", ".join(what)

@@ -6,6 +6,8 @@ from typing import Final
 
 import numpy as np
 
+from symoden.wording import stamp
+
 from ._facts import Facts
 from ._findings import Finding
 from ._kinematics import AGREES, UNRELATED, Ratio, jumps, velocity_ratio
@@ -219,7 +221,7 @@ def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
                 kind="wrap",
                 level="note",
                 channel=name,
-                text=f"`{name}` jumps by 2π {_times(turns)}, first at {facts.ts[turns[0] + 1]:.6g} s: taken for "
+                text=f"`{name}` jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s: taken for "
                 "wraps of the angle, and removed",
                 advice="Nothing need be done.",
                 spans=_at(facts, turns),
@@ -231,7 +233,7 @@ def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
                 kind="wrap",
                 level="warning",
                 channel=name,
-                text=f"`{name}` jumps by 2π {_times(turns)}, first at {facts.ts[turns[0] + 1]:.6g} s, as a wrapped "
+                text=f"`{name}` jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s, as a wrapped "
                 "angle does, but the description calls it a length",
                 advice="If it is an angle, give its factor of `space` the letter T instead of R.",
                 spans=_at(facts, turns),
@@ -244,7 +246,7 @@ def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
                 level="warning",
                 channel=name,
                 text=f"`{name}` jumps by more than half a turn, but not a whole one, {_times(others)}, first at "
-                f"{facts.ts[others[0] + 1]:.6g} s",
+                f"{_first(facts, others)} s",
                 advice="An angle must move by less than half a turn between samples: look for outliers, lost samples, "
                 "or another unit (degrees?).",
                 spans=_at(facts, others),
@@ -256,6 +258,11 @@ def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
 def _times(samples: np.ndarray) -> str:
     """How often something happens."""
     return "once" if len(samples) == 1 else f"{len(samples)} times"
+
+
+def _first(facts: Facts, samples: np.ndarray) -> str:
+    """When it happens first [s]."""
+    return stamp(float(facts.ts[samples[0] + 1]))
 
 
 def _quiet(q: np.ndarray, turns: np.ndarray) -> bool:

@@ -7,6 +7,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Int
 
+from symoden.wording import stamp
+
 from ._facts import ChannelFacts, Facts
 from ._findings import Finding
 from ._kinematics import blocks, displacement
@@ -194,4 +196,4 @@ def _when(spans: Sequence[tuple[float, float]]) -> str:
     """Words for the longest of some stretches of time, and for how many there are beside it."""
     start, end = max(spans, key=lambda span: span[1] - span[0])
     more = f" (and in {len(spans) - 1} more such stretch{'es' if len(spans) > 2 else ''})" if len(spans) > 1 else ""
-    return f"from {start:.6g} to {end:.6g} s{more}"
+    return f"from {stamp(start)} to {stamp(end)} s{more}"

@@ -11,7 +11,8 @@ from ._errors import DataError
 from ._shapes import Times
 
 ROUNDED: Final = (
-    "Where some are equal because they are rounded, write the rows' step beside `time`, such as `dt = 0.001`."
+    "Where some are equal because they are rounded, or tell when rows arrived, write the step in seconds at which rows "
+    "were taken as `dt` beside `time`, or in its place."
 )
 """Advice on time stamps of which some are equal."""
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from symoden.data import DatasetCheck, RecordingCheck
 
-from ._style import COLOURS, INK, LABEL, SMALL, tidy
+from ._style import COLOURS, INK, LABEL, SMALL, since, tidy
 
 _PANEL: Final = (2.6, 1.25)  # inches
 _ROOM: Final = (0.8, 0.7)
@@ -67,7 +67,8 @@ def plot_channel(each: RecordingCheck, role: str, index: int, *, ax: Axes) -> Ax
     """
     log = each.log
     name = log.names[role][index]
-    ax.plot(log.ts, log.signals[role][:, index], color=_LINES[role], linewidth=0.7, rasterized=True)
+    first = since(log.ts)
+    ax.plot(log.ts - first, log.signals[role][:, index], color=_LINES[role], linewidth=0.7, rasterized=True)
     known = log.ts[np.isfinite(log.ts)]
     least = _WIDEST * float(np.ptp(known)) if len(known) else 0.0
     kinds: list[str] = []
@@ -76,7 +77,7 @@ def plot_channel(each: RecordingCheck, role: str, index: int, *, ax: Axes) -> Ax
             continue
         colour, opacity = _MARKS[finding.level]
         for start, end in finding.spans if opacity else ():
-            middle, half = (start + end) / 2, max(abs(end - start), least) / 2
+            middle, half = (start + end) / 2 - first, max(abs(end - start), least) / 2
             ax.axvspan(middle - half, middle + half, color=colour, alpha=opacity, linewidth=0)
         if finding.channel == name or finding.level == "refused":
             kinds.append(finding.kind)

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from symoden.experiments import RecordedPaths
 
-from ._style import COLOURS, INK, LABEL, SMALL, tidy
+from ._style import COLOURS, INK, LABEL, SMALL, since, tidy
 
 _PANEL: Final = (4.6, 1.7)  # inches
 _BAND: Final = 0.25
@@ -61,13 +61,13 @@ def plot_recorded(recording: RecordedPaths, index: int, *, ax: Axes) -> Axes:
     Returns:
         The same axes.
     """
-    measured = recording.measured[:, index]
-    ax.plot(recording.ts, measured, color=INK, linewidth=1.6)
+    measured, first = recording.measured[:, index], since(recording.ts)
+    ax.plot(recording.ts - first, measured, color=INK, linewidth=1.6)
     for path in recording.windows:
         q, half = path.q[:, index], path.half_width[:, index]
-        ax.fill_between(path.ts, q - half, q + half, color=COLOURS[0], alpha=_BAND, linewidth=0)
-        ax.plot(path.ts, q, color=COLOURS[0], linewidth=0.9)
-    ax.plot(recording.ts, recording.whole[:, index], color=COLOURS[1], linestyle="--", linewidth=1.2)
+        ax.fill_between(path.ts - first, q - half, q + half, color=COLOURS[0], alpha=_BAND, linewidth=0)
+        ax.plot(path.ts - first, q, color=COLOURS[0], linewidth=0.9)
+    ax.plot(recording.ts - first, recording.whole[:, index], color=COLOURS[1], linestyle="--", linewidth=1.2)
     room = _ROOM * float(np.ptp(measured)) or 1.0
     ax.set_ylim(float(measured.min()) - room, float(measured.max()) + room)  # Whatever a rollout does.
     return tidy(ax)

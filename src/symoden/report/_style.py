@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
+import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 
 # Okabe & Ito (2008), *Color Universal Design*.
@@ -16,6 +18,8 @@ TRUTH: Final[Mapping[str, Any]] = MappingProxyType(
 EDGE: Final[Mapping[str, Any]] = MappingProxyType({"color": INK, "linewidth": 0.8, "linestyle": ":"})
 LABEL: Final = 9
 SMALL: Final = 8
+
+_LONG: Final = 100.0  # Times a recording, or seconds: a clock that started so long before it.
 
 
 def tidy(ax: Axes) -> Axes:
@@ -32,3 +36,16 @@ def tidy(ax: Axes) -> Axes:
     ax.grid(visible=True, color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
     return ax
+
+
+def since(ts: Float[np.ndarray, " T"]) -> float:
+    """What a picture counts time from: the first stamp of a clock that started long before, such as 1970, else zero.
+
+    Args:
+        ts: Time stamps [s], some of them unknown.
+
+    Returns:
+        The time [s].
+    """
+    known = ts[np.isfinite(ts)]
+    return float(known[0]) if len(known) and abs(known[0]) > _LONG * max(float(np.ptp(known)), 1.0) else 0.0

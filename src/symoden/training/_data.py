@@ -87,7 +87,7 @@ class Data(NamedTuple):
         gain = -self.compare(model, before, objective)
         windows = self.judged.ts.shape[0]
         few = f" of {windows} window{'' if windows == 1 else 's'}" if windows <= _HARDLY_ANY else ""
-        size = f"{round(gain, 1) + 0.0:+.1f} standard errors{few}"
+        size = f"{round(gain, 2) + 0.0:+.2f} standard errors{few}"
         if math.isinf(gain):
             size = "a tenth or less" if gain > 0 else "tenfold or more"
         other = evaluate_loss(before, objective, self.judged)

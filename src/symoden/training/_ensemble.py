@@ -315,7 +315,7 @@ class _Member:
             judged = done.after
             if data.validation is not None and not stage.learns:
                 judged = self._loss(np.asarray(state.theta), data.validation)
-            stale = 0 if stage.gains(done, better=judged < least) else stale + 1
+            stale = 0 if stage.gains(done, judged, least) else stale + 1
             if judged < least:
                 best, least = state.theta, judged
             exact = config.scaled_loss and judged < EXACT

@@ -31,6 +31,7 @@ _STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as
 _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _FALLING: Final = 0.02  # One that is more than noise that is fitted, or loss that is given for evidence and back.
+_LOST: Final = 3.0  # Validation loss over the best one. Of 60 stages with four such steps in a row none was kept.
 _EVIDENT: Final = 1.0  # Gain of the evidence's logarithm that is worth a mention (Kass & Raftery, 1995, Bayes factors).
 
 
@@ -164,7 +165,7 @@ class LevenbergStage(AbstractStage):
             state = state._replace(
                 best=model if better else state.best,
                 best_loss=judged if better else state.best_loss,
-                stale=0 if self.gains(step, better=better) else state.stale + 1,
+                stale=0 if self.gains(step, judged, state.best_loss) else state.stale + 1,
             )
             if self.learns and (state.stale >= self.config.patience or state.step == self.plain):
                 model, judged = state.best, state.best_loss
@@ -236,18 +237,20 @@ class LevenbergStage(AbstractStage):
         with np.errstate(over="ignore", invalid="ignore"):  # Where rollouts diverge; no such step is accepted.
             return levenberg_marquardt_step(state, restore, objective, batch, prior=prior, pin=pin)
 
-    def gains(self, step: LevenbergStep, *, better: bool) -> bool:
+    def gains(self, step: LevenbergStep, judged: float, least: float) -> bool:
         """Whether a step is a reason to take more of them.
 
         Args:
             step: What it did.
-            better: Whether its model is the best so far.
+            judged: Loss of its model by which models are chosen.
+            least: That of the best one so far.
 
         Returns:
             Whether it is.
         """
         # A network takes a dozen steps to find its shape, in which validation goes up and down.
-        return (better and step.falls_by(_STALLED)) or (self.frees and step.falls_by(_FALLING))
+        lost = judged > _LOST * least
+        return (judged < least and step.falls_by(_STALLED)) or (self.frees and not lost and step.falls_by(_FALLING))
 
     def _weighed(self, best: AbstractDynamics, state: TrainingState) -> tuple[Weighing, float]:
         """What the errors of the model count that the stage begins with; and its loss."""
