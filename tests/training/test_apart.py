@@ -11,6 +11,7 @@ from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training._config import TrainingConfig
 from symoden.training._data import across_recordings, hold_out, levenberg_data
+from symoden.training._gauss_newton import NormalEquations
 from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
@@ -39,8 +40,9 @@ def test_every_other_recording_judges_what_the_rest_was_fitted_to(count):
     dataset = recorded(count)
     _, data, halves = apart(dataset)
     assert halves is not None
+    assert halves.validation is not None
     sources = [{float(abs(each.q[0, 0])) for each in part} for part in (dataset.train[::2], dataset.train[1::2])]
-    for batch, own, other in zip(halves[:2], sources, sources[::-1], strict=True):
+    for batch, own, other in zip((halves.train, halves.validation), sources, sources[::-1], strict=True):
         firsts = {float(abs(q)) for q in np.asarray(batch.q)[:, 0, 0]}
         assert own <= firsts
         assert not other & firsts
@@ -76,7 +78,8 @@ def test_steps_that_fit_better_are_no_reason_to_go_on_once_validation_is_lost(ju
     dataset = recorded(2)
     _, data, _ = apart(dataset)
     stage = LevenbergStage(data, CONFIG, "growth", 5, frees=True)
-    step = LevenbergStep(1.0, 0.5, accepted=True, equations=None)
+    equations = NormalEquations(*np.zeros((2, 1, 1)), residuals=np.ones((1, 1, 1)), spread=np.zeros((1, 1)))
+    step = LevenbergStep(1.0, 0.5, accepted=True, equations=equations)
     assert stage.gains(step, judged, 1.0) == goes_on
     assert replace(stage, frees=False).gains(step, judged, 1.0) == (judged < 1)
     assert stage.gains(step, np.inf, np.inf)  # Nothing was found yet.
