@@ -31,7 +31,7 @@ _STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as
 _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _FALLING: Final = 0.02  # One that is more than noise that is fitted, or loss that is given for evidence and back.
-_LOST: Final = 3.0  # Validation loss over the best one. Of 60 stages with four such steps in a row none was kept.
+_LOST: Final = 3.0  # Validation loss over the best one. Of 50 stages with four such steps in a row none was kept.
 _EVIDENT: Final = 1.0  # Gain of the evidence's logarithm that is worth a mention (Kass & Raftery, 1995, Bayes factors).
 
 
