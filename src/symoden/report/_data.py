@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from symoden.data import DatasetCheck, RecordingCheck
 
-from ._style import COLOURS, INK, LABEL, SMALL, since, tidy
+from ._style import COLOURS, INK, LABEL, SMALL, since, tidy, wrapped
 
 _PANEL: Final = (2.6, 1.25)  # inches
 _ROOM: Final = (0.8, 0.7)
@@ -45,7 +45,7 @@ def draw_check(check: DatasetCheck) -> Figure:
         for k, (ax, (role, i)) in enumerate(zip(row, signals, strict=True)):
             plot_channel(each, role, i, ax=ax)
             if k == 0:
-                ax.set_ylabel(f"{each.log.name}\n({each.log.part})", fontsize=_TINY)
+                ax.set_ylabel(f"{wrapped(each.log.name)}\n({each.log.part})", fontsize=_TINY)
     for ax, (role, i) in zip(panels[0], signals, strict=True):
         ax.set_title(check.recordings[0].log.title(role, i), fontsize=LABEL)
     for ax in panels[-1]:

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from symoden.experiments import RecordedPaths
 
-from ._style import COLOURS, INK, LABEL, SMALL, since, tidy
+from ._style import COLOURS, INK, LABEL, SMALL, since, tidy, wrapped
 
 _PANEL: Final = (4.6, 1.7)  # inches
 _BAND: Final = 0.25
@@ -34,7 +34,7 @@ def draw_recorded(recordings: Sequence[RecordedPaths], titles: Sequence[str]) ->
     for row, recording in zip(panels, recordings, strict=True):
         for index, ax in enumerate(row):
             plot_recorded(recording, index, ax=ax)
-        row[0].set_ylabel(recording.name, fontsize=SMALL)
+        row[0].set_ylabel(wrapped(recording.name), fontsize=SMALL)
     for ax, title in zip(panels[0], titles, strict=True):
         ax.set_title(title, fontsize=LABEL)
     for ax in panels[-1]:

@@ -1,5 +1,6 @@
 """Colours that the colour-blind can tell apart and that print in different greys; nothing is set globally."""
 
+import textwrap
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Final
@@ -19,6 +20,7 @@ EDGE: Final[Mapping[str, Any]] = MappingProxyType({"color": INK, "linewidth": 0.
 LABEL: Final = 9
 SMALL: Final = 8
 
+_WIDTH: Final = 20  # Letters beside a panel.
 _LONG: Final = 100.0  # Times a recording, or seconds: a clock that started so long before it.
 
 
@@ -49,3 +51,15 @@ def since(ts: Float[np.ndarray, " T"]) -> float:
     """
     known = ts[np.isfinite(ts)]
     return float(known[0]) if len(known) and abs(known[0]) > _LONG * max(float(np.ptp(known)), 1.0) else 0.0
+
+
+def wrapped(name: str) -> str:
+    """A name in as many lines as fit beside a panel.
+
+    Args:
+        name: Of a recording.
+
+    Returns:
+        The lines.
+    """
+    return textwrap.fill(name, _WIDTH)
