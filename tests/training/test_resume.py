@@ -49,15 +49,16 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(pendulum, sm
         model=small,
         config=quick,
         folder=tmp_path / "parts",
-        progress=lambda now: stages.add(now.stage if now.step else "skipped"),
+        progress=lambda now: stages.add(now.stage if now.step else f"skipped {now.stage}"),
     ):
         arrays, _ = load_arrays(tmp_path / "parts" / "checkpoints" / "latest.safetensors")
         whitened |= any(array.any() for array in arrays.values() if array.shape == (2, 3, 3))  # Lags.
         if not part.completed:
             assert "time limit of 0 minutes, with " in part.outcome
-            assert "growth still to come" in part.outcome or "longer windows still to come" in part.outcome
+            assert "growth on all still to come" in part.outcome
     assert part.completed
-    assert "skipped" not in stages
+    skipped = {stage for stage in stages if stage.startswith("skipped")}
+    assert skipped <= {"skipped growth on all"}, part.verdicts
     assert {
         "adam 1 of 3",
         "adam 2 of 3",
