@@ -82,7 +82,7 @@ def test_a_run_without_its_data_or_metrics_has_a_page_all_the_same(arm_run, tmp_
     folder, path = tmp_path / "run", tmp_path / "report.html"
     shutil.copytree(arm_run, folder)
     config = json.loads((folder / "config.json").read_text())
-    (folder / "config.json").write_text(json.dumps(config | {"source": "/nowhere/<arm>.toml"}))
+    (folder / "config.json").write_text(json.dumps(config | {"source": "/nowhere/<arm>.toml", "beside": ""}))
     assert main(["report", str(folder), "--out", str(path)]) == 0
     page = Page(path.read_text())
     assert "Predictions" not in page.texts["h2"]

@@ -114,7 +114,7 @@ def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path):
     assert strides == []
     assert eqx.tree_equal(first.model, again.model)
     assert again.completed
-    assert again.outcome == first.outcome == "all steps taken"
+    assert again.outcome == first.outcome == "converged"
     assert again.verdicts == first.verdicts
 
 
