@@ -74,12 +74,16 @@ def share_of_motion(recordings: Sequence[RecordingScore]) -> float:
     Returns:
         The share; NaN where no recording is as long as a window.
     """
-    long = [each for each in recordings if math.isfinite(each.motion)]
-    error = sum(each.window_rmse.median for each in long)
-    motion = sum(each.motion for each in long)
+    _, error, motion = _over_a_second(recordings)
     if motion:
         return error / motion
     return math.inf if error else math.nan
+
+
+def _over_a_second(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore], float, float]:
+    """Those that are as long as a window, the sum of their errors, and of what positions move in that time."""
+    long = [each for each in recordings if math.isfinite(each.motion)]
+    return long, float(sum(each.window_rmse.median for each in long)), float(sum(each.motion for each in long))
 
 
 def poor(recordings: Sequence[RecordingScore]) -> str:
@@ -91,15 +95,13 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     Returns:
         The words; none where predictions are better, or no recording is as long as a window.
     """
-    long = [each for each in recordings if math.isfinite(each.motion)]
+    long, error, motion = _over_a_second(recordings)
     lost = [f"`{each.name}`" for each in long if not math.isfinite(each.window_rmse.median)]
     if lost:
         return (
             f"over 1 s most predictions of {first_few(lost, _FEW)} diverge. Its motion may lie outside of what "
             "training has seen (`symoden inspect` says how far), or the model is a poor one."
         )
-    error = sum(each.window_rmse.median for each in long)
-    motion = sum(each.motion for each in long)
     if error <= _POOR * motion:
         return ""
     return (

@@ -144,11 +144,7 @@ def _from_groups(
     path: Path, selectors: Mapping[str, Selector], arrays: Mapping[str, np.ndarray], rows: slice, recording: str | None
 ) -> Rows:
     """Arrays of a recording each, named by what a star stands for; those whose name has none belong to them all."""
-    if recording is not None:
-        raise DataError(
-            f"`{path}`: the star in the names of its variables tells recordings apart; got `recording` = "
-            f"{recording!r} as well. Leave it out."
-        )
+    _refuse_recording(path, "the star in the names of its variables tells recordings apart", recording)
     variables = list(dict.fromkeys(variable_of(name) for name in names_in(selectors)))
     groups: dict[str, dict[str, np.ndarray]] = {}
     for variable in variables:
@@ -176,6 +172,12 @@ def _from_groups(
     return _rows_of(path, selectors, merged, np.concatenate(indices), labels)
 
 
+def _refuse_recording(path: Path, told: str, recording: str | None) -> None:
+    """Refuse a column that tells recordings apart where something else does."""
+    if recording is not None:
+        raise DataError(f"`{path}`: {told}; got `recording` = {recording!r} as well. Leave it out.")
+
+
 def _as_counted(name: str) -> list[tuple[str, int]]:
     """Key that sorts `demo_2` before `demo_10`."""
     return [(text, int(number or 0)) for text, number in re.findall(r"(\D*)(\d*)", name)]
@@ -185,11 +187,7 @@ def _from_blocks(
     path: Path, selectors: Mapping[str, Selector], arrays: Mapping[str, np.ndarray], rows: slice, recording: str | None
 ) -> Rows:
     """Arrays of several recordings, which their first axis counts; times may be the same for all."""
-    if recording is not None:
-        raise DataError(
-            f"`{path}`: the first axis of its variables tells recordings apart, numbered from 0; got `recording` = "
-            f"{recording!r} as well. Leave it out."
-        )
+    _refuse_recording(path, "the first axis of its variables tells recordings apart, numbered from 0", recording)
     empty = [f"`{name}` {array.shape}" for name, array in arrays.items() if 0 in array.shape]
     if empty:
         raise DataError(f"`{path}`: no variable may be empty; got {', '.join(empty)}. Name others.")

@@ -209,11 +209,18 @@ def _further(
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
     networks = NETWORKS if any(dynamics.space.is_angle) else NETWORKS | POTENTIAL
     if not regression and has(networks) and fits(judged | networks):
-        grown = apart or longest
-        stages.append(LevenbergStage(grown, config, "growth", grow, judged | networks, margin=_CLEAR, frees=True))
-        if apart is not None:
-            after = start + len(stages) - 1
-            stages.append(LevenbergStage(longest, config, "growth on all", grow, judged, margin=-_CLEAR, after=after))
+        stages.extend(_growth(longest, apart, config, judged, networks, index=start + len(stages)))
+    return stages
+
+
+def _growth(
+    data: Data, apart: Data | None, config: TrainingConfig, judged: int, networks: int, *, index: int
+) -> list[LevenbergStage]:
+    """Networks, on some recordings first if there are windows `apart`; the stage's index among all is given."""
+    steps, free = config.growth_steps, judged | networks
+    stages = [LevenbergStage(apart or data, config, "growth", steps, free, margin=_CLEAR, frees=True)]
+    if apart is not None:
+        stages.append(LevenbergStage(data, config, "growth on all", steps, judged, margin=-_CLEAR, after=index))
     return stages
 
 
