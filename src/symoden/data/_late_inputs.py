@@ -49,7 +49,12 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
         return []
     stride = max(size // 2, sum(map(len, long)) // _MOST, 1)
     parts = [
-        _under_bumps(each, np.arange(first, len(each) - size, stride)[:, None] + np.arange(size + 1), is_angle)
+        _under_bumps(
+            each,
+            np.arange(first, len(each) - size, stride)[:, None] + np.arange(size + 1),
+            is_angle,
+            held=dataset.hold == "zero",
+        )
         for each in long
     ]
     fixed, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
@@ -59,9 +64,8 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     every = np.arange(0.0, _LONGEST, max(step / 2, _FINEST))
     variance = np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
     left = []
-    held = dataset.hold == "zero"
     for delay in every:
-        pushed = np.concatenate([part.pushed(delay, held=held) for part in parts])
+        pushed = np.concatenate([part.pushed(delay) for part in parts])
         regressors = np.concatenate([fixed, pushed], axis=1)
         left.append(np.mean(unseen_residuals(regressors, gained) ** 2, axis=0) / variance)
     now, best = left[0], int(np.argmin([np.mean(each) for each in left]))
@@ -103,6 +107,7 @@ class _Bumps(NamedTuple):
         motion: ∫ w of what accelerates a mechanism beside its inputs.
         gained: ∫ w dv.
         cells: dt of every sample [s].
+        given: ∫ u dt from the first row on.
         turning: w dt of every sample as it is, and as it turns with each angle.
     """
 
@@ -111,27 +116,29 @@ class _Bumps(NamedTuple):
     motion: Float[np.ndarray, "B k"]
     gained: Float[np.ndarray, "B n"]
     cells: Float[np.ndarray, "B s"]
+    given: Float[np.ndarray, "T m"]
     turning: Float[np.ndarray, "B s a"]
 
-    def pushed(self, delay: float, *, held: bool) -> Float[np.ndarray, "B k"]:
+    def pushed(self, delay: float) -> Float[np.ndarray, "B k"]:
         """∫ w u dt of inputs of some time ago, as they are and as they turn with each angle."""
         # Means over every sample's dt: an input that is held until the next row acts half a step later than its row.
-        ts, us = self.recording.ts, self.recording.us
-        between = us[:-1] if held else (us[:-1] + us[1:]) / 2
-        sums = np.concatenate([np.zeros((1, us.shape[1])), np.cumsum(between * np.diff(ts)[:, None], axis=0)])
+        ts = self.recording.ts
         at = ts[self.samples] - delay
         ends = (at + sign * self.cells / 2 for sign in (1, -1))
-        after, before = (np.stack([np.interp(end, ts, column) for column in sums.T], axis=2) for end in ends)
+        after, before = (np.stack([np.interp(end, ts, column) for column in self.given.T], axis=2) for end in ends)
         means = (after - before) / self.cells[:, :, None]
         return np.einsum("bsm,bsa->bma", means, self.turning, optimize=True).reshape(len(at), -1)
 
 
-def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray) -> _Bumps:
+def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray, *, held: bool) -> _Bumps:
     """Integrate a recording under bumps (1 − x²)²."""
     at, q = recording.ts[samples], recording.q[:, is_angle]
     span, times = at[:, -1:] - at[:, :1], np.gradient(at, axis=1)
     x = 2 * (at - at[:, :1]) / span - 1
     weight, slope = (1 - x**2) ** 2, -8 * x * (1 - x**2) / span
+    us = recording.us
+    between = us[:-1] if held else (us[:-1] + us[1:]) / 2
+    sums = np.cumsum(between * np.diff(recording.ts)[:, None], axis=0)
     turns = np.concatenate([np.ones((len(q), 1)), np.cos(q), np.sin(q)], axis=1)
     return _Bumps(
         recording=recording,
@@ -139,5 +146,6 @@ def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angl
         motion=np.einsum("bs,bsk->bk", weight * times, _motion(recording, is_angle)[samples]),
         gained=-np.einsum("bs,bsk->bk", slope * times, recording.rates[samples]),
         cells=times,
+        given=np.concatenate([np.zeros((1, us.shape[1])), sums]),
         turning=(weight * times)[:, :, None] * turns[samples],
     )
