@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.data import DataError, Dataset, Trajectory, segments, split_validation
+from symoden.data import DataError, Dataset, Trajectory, halves, segments, split_validation
 
 
 def recording(samples, name="run", start=0.0, initial_samples=1):
@@ -102,3 +102,22 @@ def test_short_recordings_of_few_initial_states_give_whole_groups():
     split = split_validation(Dataset(name="short", space="R1", train=recordings), 0.1, min_samples=4)
     assert len(split.validation) == 9
     assert {r.q[0, 0] for r in split.validation}.isdisjoint({r.q[0, 0] for r in split.train})
+
+
+@given(lengths=st.lists(st.integers(5, 300), min_size=1, max_size=9))
+def test_halves_share_out_recordings_evenly_and_lose_none(lengths):
+    parts = [recording(samples, name=f"run{k}") for k, samples in enumerate(lengths)]
+    sides = halves(parts)
+    assert sorted(each.name for side in sides for each in side) == [each.name for each in parts]
+    for side in sides:
+        assert list(side) == sorted(side, key=lambda each: each.name)
+    more, less = sorted((sum(map(len, side)) for side in sides), reverse=True)
+    assert more - less <= max(lengths)
+
+
+def test_pieces_of_one_recording_are_on_one_side_and_those_that_take_turns_on_both():
+    names = ["a#1", "b#1", "a#2", "b#2", "a#3#tail"]
+    sides = halves([recording(20, name=name) for name in names])
+    assert [[each.name for each in side] for side in sides] == [["a#1", "a#2", "a#3#tail"], ["b#1", "b#2"]]
+    first, second = halves([recording(20, name=f"{'AB'[k % 2]}{k}") for k in range(8)])
+    assert sorted(each.name[0] for each in first) == sorted(each.name[0] for each in second) == [*"AABB"]

@@ -1,16 +1,21 @@
 """Networks of few recordings are judged by recordings that they were not fitted to."""
 
-from dataclasses import replace
+import dataclasses
+from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
 
-from symoden.data import Dataset, Trajectory
+from symoden.blocks import ALONE, CORRECTIONS, NETWORKS, count_parameters, trainable
+from symoden.data import Dataset, Trajectory, halves
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
+from symoden.training import _levenberg_stage, fit
 from symoden.training._config import TrainingConfig
 from symoden.training._data import across_recordings, hold_out, levenberg_data
+from symoden.training._fit import _prepare
 from symoden.training._gauss_newton import NormalEquations
 from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
@@ -36,41 +41,77 @@ def apart(dataset):
 
 
 @pytest.mark.parametrize("count", [2, 5])
-def test_every_other_recording_judges_what_the_rest_was_fitted_to(count):
+def test_half_of_the_recordings_judge_what_the_rest_was_fitted_to(count):
     dataset = recorded(count)
-    _, data, halves = apart(dataset)
-    assert halves is not None
-    assert halves.validation is not None
-    sources = [{float(abs(each.q[0, 0])) for each in part} for part in (dataset.train[::2], dataset.train[1::2])]
-    for batch, own, other in zip((halves.train, halves.validation), sources, sources[::-1], strict=True):
+    _, data, parted = apart(dataset)
+    assert parted is not None
+    assert parted.validation is not None
+    sources = [{float(abs(each.q[0, 0])) for each in part} for part in halves(dataset.train)]
+    for batch, own, other in zip((parted.train, parted.validation), sources, sources[::-1], strict=True):
         firsts = {float(abs(q)) for q in np.asarray(batch.q)[:, 0, 0]}
         assert own <= firsts
         assert not other & firsts
-    assert len(halves.train.ts) + len(halves.validation.ts) == len(data.train.ts)
-    assert halves.objective is data.objective
+    assert len(parted.train.ts) + len(parted.validation.ts) == len(data.train.ts)
+    assert parted.objective is data.objective
 
 
-def test_it_is_not_asked_of_one_recording_nor_where_others_judge_already():
+def test_it_is_not_asked_of_one_recording_nor_of_few_windows_nor_where_others_judge_already():
     assert apart(recorded(1))[2] is None
     assert apart(recorded(3, validation=(swing(9),)))[2] is None
     assert apart(recorded(12))[2] is None  # Of so many, whole recordings are held out.
+    for samples, enough in ((30, False), (31, True)):  # Four windows, or five.
+        dataset = hold_out(Dataset(name="runs", space="T1", train=(swing(0), swing(1, samples))), CONFIG)
+        assert (apart(dataset)[2] is not None) == enough
 
 
 @pytest.mark.parametrize("count", [1, 4])
 def test_what_networks_learned_is_fitted_to_all_recordings_then(count):
     dataset = recorded(count)
-    model, data, halves = apart(dataset)
+    model, data, parted = apart(dataset)
     stages = [each for each in line_up(dataset, model, [model], CONFIG) if isinstance(each, LevenbergStage)]
     names = [each.name for each in stages]
-    if halves is None:
+    if parted is None:
         assert names[-1] == "growth"
+        assert not stages[-1].parted
         return
     assert names[-2:] == ["growth", "growth on all"]
-    assert len(stages[-2].data.train.ts) == len(halves.train.ts)
+    assert [each.parted for each in stages[-2:]] == [True, False]
+    assert len(stages[-2].data.train.ts) == len(parted.train.ts)
     assert len(stages[-1].data.train.ts) == len(data.train.ts)
     everything = line_up(dataset, model, [model], CONFIG)
     assert everything[stages[-1].after] is not everything[-1]
     assert everything[stages[-1].after].name == "growth"  # Not where these were refused.
+
+
+def test_what_was_free_before_stays_as_it_is_while_networks_learn_from_some_recordings(pendulum, small, quick):
+    stages, state = _prepare(pendulum(count=6), small, dataclasses.replace(quick, growth_steps=3))
+    growth: Any = stages[-2]
+    state = growth.start(state._replace(best_loss=1.0))
+    before = state.best
+    for _ in range(3):
+        state, _ = growth.advance(state)
+    others = ~NETWORKS & CORRECTIONS
+    base, networks = (
+        [eqx.filter(model, trainable(model, corrections=kinds)) for model in (before, state.model)]
+        for kinds in (others, NETWORKS | ALONE)
+    )
+    assert eqx.tree_equal(*base)
+    assert not eqx.tree_equal(*networks)
+    counts = [count_parameters(before, corrections=kinds) for kinds in (others, NETWORKS | ALONE, CORRECTIONS)]
+    assert counts[0] + counts[1] == counts[2]
+
+
+def test_the_loss_is_that_of_validation_whoever_judged_networks(pendulum, small, quick, monkeypatch):
+    monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 0.0)  # Else nothing is left to explain.
+    config = dataclasses.replace(quick, growth_steps=1)
+    dataset = pendulum(count=6)
+    result = fit(dataset, model=small, config=config)
+    assert "not kept" in result.verdicts["growth"]
+    last: Any = _prepare(dataset, small, config)[0][-1]
+    parted: Any = _prepare(dataset, small, config)[0][-2]
+    losses = [each._loss(result.model, result.substeps) for each in (last, parted)]
+    assert result.loss == pytest.approx(losses[0], rel=1e-3)
+    assert result.loss != pytest.approx(losses[1], rel=1e-3)
 
 
 @pytest.mark.parametrize(("judged", "goes_on"), [(0.5, True), (2.9, True), (3.1, False), (np.inf, False)])
@@ -81,5 +122,5 @@ def test_steps_that_fit_better_are_no_reason_to_go_on_once_validation_is_lost(ju
     equations = NormalEquations(*np.zeros((2, 1, 1)), residuals=np.ones((1, 1, 1)), spread=np.zeros((1, 1)))
     step = LevenbergStep(1.0, 0.5, accepted=True, equations=equations)
     assert stage.gains(step, judged, 1.0) == goes_on
-    assert replace(stage, frees=False).gains(step, judged, 1.0) == (judged < 1)
+    assert dataclasses.replace(stage, frees=False).gains(step, judged, 1.0) == (judged < 1)
     assert stage.gains(step, np.inf, np.inf)  # Nothing was found yet.

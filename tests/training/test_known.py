@@ -86,7 +86,8 @@ def test_what_hangs_on_a_robots_joint_is_recovered(pendulum):
     )
     formulas = {name: EXACT[name] for name in ("input_matrix", "dissipation_matrix")}
     dataset = knowing(pendulum(), robot=Robot(bodies=(body,)), parameters={"d": 0.05}, **formulas)
-    for steps, names in ((8, ["levenberg-marquardt"]), (0, ["adam"])):  # Nothing is drawn that Adam were needed for.
+    # Nothing is drawn that Adam were needed for.
+    for steps, names in ((8, ["regression", "levenberg-marquardt"]), (0, ["adam"])):
         config = dataclasses.replace(STEPS, adam_steps=9, lm_steps=steps, restarts=1)
         assert [stage.name for stage in _prepare(dataset, MODEL, config)[0]] == names
     found: Any = fit(dataset, model=MODEL, config=STEPS).model

@@ -39,6 +39,7 @@ from ._friction import (
 from ._functions import (
     ACTIVATIONS as ACTIVATIONS,
     ACTUATION as ACTUATION,
+    ALONE as ALONE,
     CORRECTIONS as CORRECTIONS,
     DIRECTIONS as DIRECTIONS,
     FRICTION as FRICTION,
@@ -73,6 +74,7 @@ from ._triangles import (
 __all__ = [
     "ACTIVATIONS",
     "ACTUATION",
+    "ALONE",
     "CORRECTIONS",
     "DIRECTIONS",
     "FRICTION",

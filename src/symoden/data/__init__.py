@@ -11,6 +11,7 @@ from ._read_dataset import read_dataset as read_dataset
 from ._resample import resample as resample
 from ._spans import choose_spans as choose_spans
 from ._split import (
+    halves as halves,
     segments as segments,
     split_validation as split_validation,
     validates_by_ends as validates_by_ends,
@@ -40,6 +41,7 @@ __all__ = [
     "check_trainable",
     "choose_spans",
     "estimate_velocities",
+    "halves",
     "measure_noise",
     "read_dataset",
     "resample",

@@ -96,6 +96,29 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
     return dataclasses.replace(dataset, train=train, validation=validation)
 
 
+def halves(trajectories: Sequence[Trajectory]) -> tuple[tuple[Trajectory, ...], tuple[Trajectory, ...]]:
+    """Share recordings out, about as many samples to either side, and all pieces of one to the same.
+
+    Args:
+        trajectories: Recordings; those whose names differ in what follows `#` alone are pieces of one.
+
+    Returns:
+        Those of either side, in the order of before; a single one leaves a side empty.
+    """
+    whole: dict[str, list[int]] = {}
+    for k, trajectory in enumerate(trajectories):
+        whole.setdefault(trajectory.name.split("#")[0], []).append(k)
+    samples = {name: sum(len(trajectories[k]) for k in pieces) for name, pieces in whole.items()}
+    sides, held, last = ([], []), [0, 0], 0
+    for name in sorted(samples, key=lambda name: -samples[name]):
+        # Of the same size, those that take turns in an experiment are not all on one side.
+        last = last if held[0] == held[1] else int(held[1] < held[0])
+        sides[last].extend(whole[name])
+        held[last] += samples[name]
+    first, second = (tuple(trajectories[k] for k in sorted(side)) for side in sides)
+    return first, second
+
+
 def validates_by_ends(dataset: Dataset) -> bool:
     """Whether validation recordings are the ends of those in `train`, as `split_validation` makes them of few.
 

@@ -1,5 +1,6 @@
 """Checkpoints: the state of training as a file that is whole or absent."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import equinox as eqx
@@ -22,12 +23,13 @@ _NUMBERS = {
 }
 
 
-def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None:
+def save_checkpoint(path: Path, state: TrainingState, *, stages: Sequence[str], seconds: float) -> None:
     """Write the state of training.
 
     Args:
         path: The file.
         state: What a resumed run needs.
+        stages: Names of all stages.
         seconds: Time spent so far [s].
 
     Raises:
@@ -35,23 +37,26 @@ def save_checkpoint(path: Path, state: TrainingState, *, seconds: float) -> None
     """
     leaves = [leaf for leaf in jax.tree.leaves(state) if eqx.is_array(leaf)]
     plain = {name: repr(getattr(state, name)) for name in _NUMBERS}
-    plain |= {"incumbent_origin": repr(state.incumbent.origin), "seconds": repr(seconds)}
+    plain |= {"incumbent_origin": repr(state.incumbent.origin), "seconds": repr(seconds), "stages": ", ".join(stages)}
     save_arrays(path, {f"{i:04d}": np.asarray(leaf) for i, leaf in enumerate(leaves)}, plain)
 
 
-def read_progress(path: Path) -> tuple[int, float]:
+def read_progress(path: Path, stages: Sequence[str]) -> tuple[int, float]:
     """Stage in progress and time spent, without the arrays' meaning.
 
     Args:
         path: The checkpoint.
+        stages: Names of all stages.
 
     Returns:
         Index of the stage, and seconds.
 
     Raises:
-        StorageError: If the file is absent or damaged.
+        StorageError: If the file is absent or damaged, or was written on the way through other stages.
     """
     _, plain = load_arrays(path)
+    if plain.get("stages") != ", ".join(stages):  # Another version's: the same number is another stage.
+        raise StorageError(_foreign(path))
     numbers = _numbers(path, plain, {"stage": int, "seconds": float})
     return numbers["stage"], numbers["seconds"]
 

@@ -17,6 +17,7 @@ from symoden.data import (
     Dataset,
     DataWarning,
     Trajectory,
+    halves,
     measure_noise,
     spaced_evenly,
     split_validation,
@@ -29,6 +30,7 @@ from symoden.spaces import Space
 from symoden.wording import first_few
 
 from ._config import TrainingConfig
+from ._level import LEAST_WINDOWS
 from ._objective import AbstractObjective, Batch, Objective, channel_order, channel_weights
 from ._residuals import evaluate_loss, evaluate_residuals
 from ._scales import time_scale
@@ -365,7 +367,7 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
 
 
 def across_recordings(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> Data | None:
-    """Windows of every other recording to fit, and of those between to choose by, where ends of recordings do else.
+    """Windows of half of the recordings to fit, and of the others to choose by, where ends of recordings do else.
 
     A thousand numbers of networks learn what is peculiar to every recording, as the zeros of encoders are. Its end has
     the same peculiarity, so that its loss falls too, and other recordings are predicted worse (`benchmarks/`).
@@ -378,12 +380,13 @@ def across_recordings(dataset: Dataset, dynamics: AbstractDynamics, data: Data, 
 
     Returns:
         The windows, as long as these and compared as they are; None where validation recordings are others already, or
-        there are not two that are long enough.
+        windows of either half are too few to tell how much they vary.
     """
     horizon = data.train.ts.shape[1] - 1
-    long = tuple(recording for recording in dataset.train if len(recording) > horizon)
-    if len(long) < 2 or not validates_by_ends(dataset):
+    sides = halves([recording for recording in dataset.train if len(recording) > horizon])
+    fewest = min(sum((len(recording) - 1) // horizon for recording in side) for side in sides)
+    if fewest < LEAST_WINDOWS or not validates_by_ends(dataset):
         return None
-    halves = dataclasses.replace(dataset, train=long[::2], validation=long[1::2])
-    cut = _data(halves, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
+    parted = dataclasses.replace(dataset, train=sides[0], validation=sides[1])
+    cut = _data(parted, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
     return _thinned(cut._replace(objective=data.objective), config.lm_samples)

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from symoden.blocks import ACTUATION, INERTIA, POTENTIAL, count_parameters, trainable
+from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL, count_parameters, trainable
 from symoden.data import Dataset, check_trainable
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, awaken, build, save
@@ -134,8 +134,7 @@ def fit(
         watch = Stopwatch(max_minutes)
         state, outcome, verdicts = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
         completed, ensemble = state.stage == len(stages), None
-        if not completed:
-            state = _rated(stages, state)
+        state = _rated(stages, state)
         if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _LOST):
             raise TrainingError(
                 "Training must find a model whose errors are finite and not far larger than the motion; the best one "
@@ -200,12 +199,14 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
 
 
 def _rated(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:
-    """The state of training that ended before second-order steps on rollouts, its best model rated by rollouts."""
-    rollouts = [k for k, stage in enumerate(stages) if isinstance(stage, LevenbergStage) and not stage.regresses]
-    stage = stages[rollouts[0]] if rollouts else None
-    if not isinstance(stage, LevenbergStage) or state.stage >= rollouts[0]:
-        return state
-    return stage.rated(state)
+    """The state of training, its best model rated by rollouts, and on what validates all stages but the last ones."""
+    rollouts = [(k, each) for k, each in enumerate(stages) if isinstance(each, LevenbergStage) and not each.regresses]
+    whole = [stage for _, stage in rollouts if not stage.parted]
+    if whole and state.stage < rollouts[0][0]:  # It ended before second-order steps on rollouts.
+        return whole[0].rated(state)
+    if any(stage.parted and k <= state.stage for k, stage in rollouts):
+        return whole[-1].rated(state)
+    return state
 
 
 def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:
@@ -242,6 +243,8 @@ def _pattern(
 ) -> Pattern:
     """How members are trained: as the stage did that the best model came from, from draws after Adam's."""
     last = stages[state.origin]
+    if isinstance(last, LevenbergStage) and last.parted:
+        last = stages[-1]  # What it found, on all recordings.
     if not isinstance(last, LevenbergStage) or last.regresses:
         raise TypeError("The best model must come from Levenberg-Marquardt on rollouts.")
     # What an earlier stage set free and validation kept is open, though the last one did not change it.
@@ -254,5 +257,5 @@ def _pattern(
         elif isinstance(stage, AdamStage):
             first.setdefault(AdamStage, stage)
     draw = functools.partial(fresh, awake=bool(freed(state.best) & POTENTIAL))
-    last = dataclasses.replace(last, corrections=kinds)
+    last = dataclasses.replace(last, corrections=kinds, frees=last.frees or bool(kinds & NETWORKS))
     return Pattern(lambda number: draw(config.restarts + number), tuple(first.values()), last, state)

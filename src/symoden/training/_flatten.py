@@ -10,7 +10,7 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
-from symoden.blocks import kinds_in_use, trainable, without_silent
+from symoden.blocks import is_silent, kinds_in_use, trainable, without_silent
 
 
 @final
@@ -74,6 +74,16 @@ class Flattening(eqx.Module):
 def freed(model: PyTree) -> int:
     """Which kinds of corrections of a model training has set free and kept."""
     return kinds_in_use(model, jnp.zeros(model.space.size))
+
+
+def drawn(model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
+    """Middle of the priors of what is free: where networks that are still zero were drawn, else zero."""
+    # As long as its last layer is zero the data tell nothing of a network's others, and a prior about zero would take
+    # these there in one step, from where there is no way back.
+    middles = jax.tree.map(
+        lambda node: node if is_silent(node) else jax.tree.map(jnp.zeros_like, node), model, is_leaf=is_silent
+    )
+    return np.asarray(Flattening.of(middles, corrections=corrections)[1])
 
 
 def cast(model: PyTree, dtype: DTypeLike) -> PyTree:

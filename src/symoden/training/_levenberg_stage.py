@@ -4,18 +4,17 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final, final
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import DIRECTIONS, FRICTION, count_parameters, is_silent
+from symoden.blocks import ALONE, DIRECTIONS, FRICTION, count_parameters
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
 from ._config import TrainingConfig
 from ._data import Data
-from ._flatten import Flattening, cast, freed
+from ._flatten import Flattening, cast, drawn, freed
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
 from ._objective import AbstractObjective, Batch
@@ -58,7 +57,7 @@ class LevenbergStage(AbstractStage):
             the loss.
         widens: Priors are as wide as at first.
         frees: It sets something free: nothing is done where that is free already, and steps go on as long as they fit
-            the data clearly better, whatever validation says meanwhile.
+            the data clearly better, unless validation says that all is lost.
         unless: Kinds of corrections, as flags; where one of them is free the stage has nothing to do.
         guess: A model to begin with where its rollouts are better than those of the best one so far.
         fresh: An untrained model to begin with in any case. What stages before have set free and kept is free, but for
@@ -67,6 +66,8 @@ class LevenbergStage(AbstractStage):
         rollouts: Windows on which the best model has found no basin, as far as a scaled loss tells: else the stage has
             nothing to do. What comes of it is kept if rollouts there are better.
         after: Only where the best model comes from this stage or a later one, by their indices.
+        parted: It fits some recordings and is judged by others. What was free before has learned from all of them, and
+            stays as it is: to forget the others is no fault of what is set free.
     """
 
     data: Data
@@ -85,6 +86,7 @@ class LevenbergStage(AbstractStage):
     plain: int = 0
     rollouts: Data | None = None
     after: int = 0
+    parted: bool = False
 
     def applies(self, state: TrainingState) -> bool:
         """Whether the stages before have left the stage something to do."""
@@ -152,7 +154,7 @@ class LevenbergStage(AbstractStage):
             substeps=substeps,
             weighing=state.weighing,
             priors=state.memory,
-            mean=_drawn(state.incumbent.model, restore.corrections) if self.frees else 0.0,
+            mean=drawn(state.incumbent.model, restore.corrections) if self.frees else 0.0,
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
@@ -273,6 +275,8 @@ class LevenbergStage(AbstractStage):
 
     def _free(self, model: AbstractDynamics, before: AbstractDynamics) -> int:
         """Which kinds of corrections that are, as flags."""
+        if self.parted:
+            return self.corrections | ALONE
         kept = freed(model) if self.fresh is None else freed(model) | freed(before) & ~(FRICTION | DIRECTIONS)
         return self.corrections | kept
 
@@ -385,13 +389,3 @@ class LevenbergStage(AbstractStage):
         fine = math.isfinite(loss) and error <= 0.01 * loss
         finer = not fine and state.substeps < _MOST_SUBSTEPS
         return 2 * state.substeps if finer else state.substeps
-
-
-def _drawn(model: AbstractDynamics, corrections: int) -> Float[np.ndarray, " P"]:
-    """Middle of the priors of what is free: where networks that are still zero were drawn, else zero."""
-    # As long as its last layer is zero the data tell nothing of a network's others, and a prior about zero would take
-    # these there in one step, from where there is no way back.
-    middles = jax.tree.map(
-        lambda node: node if is_silent(node) else jax.tree.map(jnp.zeros_like, node), model, is_leaf=is_silent
-    )
-    return np.asarray(Flattening.of(middles, corrections=corrections)[1])

@@ -56,6 +56,8 @@ def line_up(
     first = dynamics.space.size >= _MANY
     if weak is not None and first:
         stages.extend(_regression(dynamics, weak, config))
+    elif weak is not None and not candidates:
+        stages.append(LevenbergStage(weak, config, "regression", config.lm_steps))
     if candidates and free:
         data = adam_data(dataset, dynamics, config)
         name_short(dataset, data)
@@ -84,8 +86,10 @@ def line_up(
                 LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess, widens=not first)
             )
         longer = longer_data(dataset, dynamics, data, config)
-        apart = across_recordings(dataset, dynamics, [data, *longer][-1], config)
-        stages.extend(_further(dynamics, data, longer, config, apart=apart, start=len(stages)))
+        stages.extend(_further(dynamics, data, longer, config))
+        longest = [data, *longer][-1]
+        apart = across_recordings(dataset, dynamics, longest, config)
+        stages.extend(_growth(dynamics, longest, apart, config, after=len(stages)))
     return stages
 
 
@@ -104,7 +108,9 @@ def _regression(
 
     On three coordinates and more it comes before Adam, and saves it. On fewer Adam does as well, and tells friction
     better; but where noise hides what moves in Adam's short windows, it ends on a plateau, with a mass so large that
-    nothing matters. Then the regression begins anew.
+    nothing matters. Then the regression begins anew. Without Adam, from what a user guessed, it comes first alone,
+    without priors that are learned: from guesses four times off, rollouts end elsewhere in one case of three
+    (`benchmarks/`).
 
     Returns:
         The stages.
@@ -122,10 +128,8 @@ def _further(
     config: TrainingConfig,
     *,
     regression: bool = False,
-    apart: Data | None = None,
-    start: int = 0,
 ) -> list[LevenbergStage]:
-    """Corrections: of inertia, inputs and V; friction's laws, directions, what of all that is needed, networks.
+    """Corrections: of inertia, inputs and V; friction's laws, directions, and what of all that is needed.
 
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
@@ -147,29 +151,22 @@ def _further(
     fill what these had closed. Errors that they were learned beside are then gone: a refit follows, in which they fade
     with the loss.
 
-    Networks learn from some recordings what others must confirm, if there are windows `apart` for that; what they
-    learned is then fitted to all. They are the stages from index `start` on.
-
     What comes after longer windows goes by the longest: short ones would undo what these find.
 
     Errors are not whitened where anything is set free: what a block has not learned yet is no noise, and must count in
     full.
 
-    More than `MOST_PARAMETERS` are too many: networks and harmonics of g then stay closed, and priors as wide as they
-    are. In a regression networks stay closed too, but for V's on lengths, and friction's laws on fewer than three
-    coordinates.
+    More than `MOST_PARAMETERS` are too many: harmonics of g then stay closed, and priors as wide as they are. In a
+    regression friction's laws stay closed on fewer than three coordinates.
 
     Returns:
         The stages.
     """
-    count = functools.partial(count_parameters, dynamics)
     grow, learn = config.growth_steps, config.relevance_steps
+    fits = functools.partial(_fits, dynamics)
 
     def has(kind: int) -> bool:
-        return grow > 0 and count(corrections=kind) > count(corrections=0)
-
-    def fits(kinds: int) -> bool:
-        return 0 < count(corrections=kinds) <= MOST_PARAMETERS
+        return grow > 0 and _has(dynamics, kind)
 
     rubs = has(FRICTION) and (not regression or dynamics.space.size >= _MANY)
     judged = FRICTION if rubs else 0
@@ -199,7 +196,8 @@ def _further(
     if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
         stages.append(_actuation_anew(dynamics, data, config, learns=learns))
     again = (learn + 1) // 2 if learns else grow  # At a factor of three a step priors are through in 17.
-    if stages or count(corrections=judged):  # Else every part is given, and nothing is free before networks are.
+    # Else every part is given, and nothing is free before networks are.
+    if stages or count_parameters(dynamics, corrections=judged):
         stages.extend(
             whitened(each, name=f"longer windows {times}x", steps=again, margin=-_CLEAR, learns=learns)
             for times, each in zip(LONGER, longer, strict=False)
@@ -207,21 +205,50 @@ def _further(
     longest = longer[-1] if longer else data
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
-    networks = NETWORKS if any(dynamics.space.is_angle) else NETWORKS | POTENTIAL
-    if not regression and has(networks) and fits(judged | networks):
-        stages.extend(_growth(longest, apart, config, judged, networks, index=start + len(stages)))
     return stages
 
 
 def _growth(
-    data: Data, apart: Data | None, config: TrainingConfig, judged: int, networks: int, *, index: int
+    dynamics: AbstractDynamics, data: Data, apart: Data | None, config: TrainingConfig, *, after: int
 ) -> list[LevenbergStage]:
-    """Networks, on some recordings first if there are windows `apart`; the stage's index among all is given."""
-    steps, free = config.growth_steps, judged | networks
-    stages = [LevenbergStage(apart or data, config, "growth", steps, free, margin=_CLEAR, frees=True)]
-    if apart is not None:
-        stages.append(LevenbergStage(data, config, "growth on all", steps, judged, margin=-_CLEAR, after=index))
-    return stages
+    """Networks, last.
+
+    They learn from half of the recordings what the others must confirm, if there are windows `apart` for that, while
+    all else stays as it is; then all of it is fitted to all recordings.
+
+    More than `MOST_PARAMETERS` are too many: they stay closed.
+
+    Args:
+        dynamics: Untrained model.
+        data: Windows of all recordings.
+        apart: Windows of some to fit, and of others to judge by.
+        config: Settings.
+        after: How many stages come before.
+
+    Returns:
+        The stages.
+    """
+    kinds = FRICTION if _has(dynamics, FRICTION) else 0
+    networks = NETWORKS if any(dynamics.space.is_angle) else NETWORKS | POTENTIAL
+    if not (config.growth_steps and _has(dynamics, networks) and _fits(dynamics, kinds | networks)):
+        return []
+    steps = config.growth_steps
+    if apart is None:
+        return [LevenbergStage(data, config, "growth", steps, kinds | networks, margin=_CLEAR, frees=True)]
+    return [
+        LevenbergStage(apart, config, "growth", steps, networks, margin=_CLEAR, frees=True, parted=True),
+        LevenbergStage(data, config, "growth on all", steps, kinds, margin=-_CLEAR, after=after),
+    ]
+
+
+def _has(dynamics: AbstractDynamics, kind: int) -> bool:
+    """Whether there are corrections of a kind."""
+    return count_parameters(dynamics, corrections=kind) > count_parameters(dynamics, corrections=0)
+
+
+def _fits(dynamics: AbstractDynamics, kinds: int) -> bool:
+    """Whether something is free with corrections of these kinds, and not too much of it."""
+    return 0 < count_parameters(dynamics, corrections=kinds) <= MOST_PARAMETERS
 
 
 def _actuation_anew(dynamics: AbstractDynamics, data: Data, config: TrainingConfig, *, learns: bool) -> LevenbergStage:

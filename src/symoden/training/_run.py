@@ -121,7 +121,7 @@ class Journal:
         """
         if self.checkpoint is None or not self.checkpoint.exists():
             return stages[0].start(state), [], 0.0
-        stage, seconds = read_progress(self.checkpoint)
+        stage, seconds = read_progress(self.checkpoint, _names(stages))
         like = stages[min(stage, len(stages) - 1)].start(state)
         state = load_checkpoint(self.checkpoint, like)
         return state, self._lines(seconds), seconds
@@ -139,10 +139,13 @@ class Journal:
                 "on from its checkpoint without it."
             ) from None
 
-    def write(self, state: TrainingState, lines: Sequence[dict], *, seconds: float) -> None:
+    def write(
+        self, stages: Sequence[AbstractStage], state: TrainingState, lines: Sequence[dict], *, seconds: float
+    ) -> None:
         """Save the metrics, then the state that they lead to.
 
         Args:
+            stages: All stages.
             state: State of training.
             lines: All metrics so far.
             seconds: Time spent [s].
@@ -153,7 +156,7 @@ class Journal:
         if self.checkpoint is None or self.metrics is None:
             return
         write_atomically(self.metrics, "".join(json.dumps(line) + "\n" for line in lines).encode())
-        save_checkpoint(self.checkpoint, state, seconds=seconds)
+        save_checkpoint(self.checkpoint, state, stages=_names(stages), seconds=seconds)
 
 
 def run(
@@ -192,16 +195,21 @@ def run(
         lines.append({key: _json(value) for key, value in now._asdict().items()})
         if report.finished:
             state = _next(stages, state)
-        journal.write(state, lines, seconds=seconds)
+        journal.write(stages, state, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             progress(now)
         if watch.is_over and state.stage < len(stages):
             left = stages[state.stage :]
             state, verdict = left[0].settled(state)
             so_far = {left[0].name: f"cut short, {verdict}"} if verdict else {}
-            return state, watch.outcome([each.name for each in left]), _verdicts(lines) | so_far
+            return state, watch.outcome(_names(left)), _verdicts(lines) | so_far
     outcomes = [line["outcome"] for line in lines if line.get("outcome")]  # Those before a resumption too.
     return state, outcomes[-1] if outcomes else "all steps taken", _verdicts(lines)
+
+
+def _names(stages: Sequence[AbstractStage]) -> list[str]:
+    """What reports call them."""
+    return [stage.name for stage in stages]
 
 
 def _verdicts(lines: Sequence[dict]) -> dict[str, str]:
