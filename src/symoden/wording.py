@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Final
 
-_FAR: Final = 1e5  # [s], of a clock that did not start with the recording.
+_FAR: Final = 1e3  # [s]: six digits do not tell the next stamp apart.
 
 
 def first_few(names: Iterable[str], most: int) -> str:
@@ -34,7 +34,7 @@ def stamp(seconds: float) -> str:
         The number.
 
     Example:
-        >>> stamp(12.3456789), stamp(1717493100.25)
-        ('12.3457', '1717493100.250')
+        >>> stamp(12.3456789), stamp(36241.33), stamp(1717493100.25)
+        ('12.3457', '36241.330', '1717493100.250')
     """
     return f"{seconds:.6g}" if abs(seconds) < _FAR else f"{seconds:.3f}"

@@ -91,3 +91,37 @@ def test_stars_stand_for_one_text_without_slashes():
     assert starred("*/run_*", "a/run_b") is None
     assert starred("q.*", "qx1") is None
     assert spelt_out(["a*", "b", "c*"], ["a1", "a2", "b", "c*"]) == ["a1", "a2", "b", "c*"]
+
+
+def test_a_star_sees_what_is_behind_links_and_slashes(tmp_path):
+    path = saved(tmp_path / "demos.h5", {"2": recorded("2"), "10": recorded("10")})
+    with h5py.File(path, "a") as file:
+        file["other"] = h5py.SoftLink("/data")
+        del file["data/demo_10/t"]
+        file["data/demo_10/t"] = file["data/demo_2/t"]  # One clock, which both have.
+        for name in ("q", "u"):
+            values = file[f"data/demo_10/{name}"][:30]
+            del file[f"data/demo_10/{name}"]
+            file[f"data/demo_10/{name}"] = values
+        file["data/demo_empty/notes"] = np.zeros(3)
+        file["data/demo_lost"] = h5py.SoftLink("/nowhere")
+        file["data/demo_away"] = h5py.ExternalLink("elsewhere.h5", "/data")
+    for folder in ("data", "/data", "other"):
+        selectors = {"time": f"{folder}/demo_*/t", "positions": f"{folder}/demo_*/q"}
+        rows = read_rows(path, selectors, ALL)
+        assert rows.labels is not None
+        assert list(rows.labels) == ["2"] * 30 + ["10"] * 30
+        np.testing.assert_array_equal(*np.split(rows.signals["time"][:, 0], 2))
+
+
+def test_a_star_stands_for_a_struct_of_a_matlab_file(tmp_path):
+    with h5py.File(tmp_path / "demos.mat", "w", userblock_size=512) as file:
+        for label in LENGTHS:
+            for name, array in recorded(label).items():
+                file[f"demo_{label}/{name}"] = array.reshape(-1, 1).T
+    with (tmp_path / "demos.mat").open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(512))
+    rows = read_rows(tmp_path / "demos.mat", {"time": "demo_*.t", "positions": ("demo_*.q",)}, ALL)
+    assert rows.labels is not None
+    assert list(dict.fromkeys(rows.labels)) == ["2", "10", "lift"]
+    assert len(rows) == sum(LENGTHS.values())

@@ -49,7 +49,7 @@ def test_a_late_input_is_named_with_its_delay(tmp_path, delay, noise):
     assert described(tmp_path, f"input_delay = {delay}") == []
 
 
-@pytest.mark.parametrize("delay", [0.025, 0.05, 0.075])
+@pytest.mark.parametrize("delay", [0.025, 0.05, 0.125])
 def test_a_delay_of_whole_samples_is_found_to_the_sample_where_inputs_are_held(tmp_path, delay):
     pendulum(tmp_path, delay, step=0.025, samples=1500)
     (one,) = described(tmp_path)

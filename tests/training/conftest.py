@@ -167,6 +167,6 @@ def stage(pendulum, small, quick):
         best_loss=1.0,
         origin=0,
         stale=0,
-        incumbent=Incumbent(model, None, 0, Weighing.plain(3)),
+        incumbent=Incumbent(model, None, 0, Weighing.plain(3), rival=model),
     )
     return LevenbergStage(data, quick, "levenberg-marquardt", quick.lm_steps), state

@@ -1,6 +1,7 @@
 """Networks of few recordings are judged by recordings that they were not fitted to."""
 
 import dataclasses
+import math
 from typing import Any
 
 import equinox as eqx
@@ -8,18 +9,19 @@ import jax
 import numpy as np
 import pytest
 
-from symoden.blocks import ALONE, CORRECTIONS, NETWORKS, count_parameters, trainable
 from symoden.data import Dataset, Trajectory, halves
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _levenberg_stage, fit
 from symoden.training._config import TrainingConfig
-from symoden.training._data import across_recordings, hold_out, levenberg_data
+from symoden.training._data import Data, across_recordings, hold_out, levenberg_data
 from symoden.training._fit import _prepare
+from symoden.training._flatten import cast
 from symoden.training._gauss_newton import NormalEquations
 from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
+from symoden.training._residuals import evaluate_loss
 
 CONFIG = TrainingConfig(adam_steps=1, lm_horizon=6, lm_steps=1, relevance_steps=1, growth_steps=1)
 
@@ -72,10 +74,11 @@ def test_what_networks_learned_is_fitted_to_all_recordings_then(count):
     names = [each.name for each in stages]
     if parted is None:
         assert names[-1] == "growth"
-        assert not stages[-1].parted
+        assert not any(each.parted for each in stages)
         return
-    assert names[-2:] == ["growth", "growth on all"]
-    assert [each.parted for each in stages[-2:]] == [True, False]
+    assert names[-3:] == ["refit on half", "growth", "growth on all"]
+    assert [(each.rivals, each.rivalled) for each in stages[-3:]] == [(True, False), (False, True), (False, False)]
+    assert stages[-3].data is stages[-2].data
     assert len(stages[-2].data.train.ts) == len(parted.train.ts)
     assert len(stages[-1].data.train.ts) == len(data.train.ts)
     everything = line_up(dataset, model, [model], CONFIG)
@@ -83,22 +86,52 @@ def test_what_networks_learned_is_fitted_to_all_recordings_then(count):
     assert everything[stages[-1].after].name == "growth"  # Not where these were refused.
 
 
-def test_what_was_free_before_stays_as_it_is_while_networks_learn_from_some_recordings(pendulum, small, quick):
-    stages, state = _prepare(pendulum(count=6), small, dataclasses.replace(quick, growth_steps=3))
-    growth: Any = stages[-2]
-    state = growth.start(state._replace(best_loss=1.0))
-    before = state.best
-    for _ in range(3):
-        state, _ = growth.advance(state)
-    others = ~NETWORKS & CORRECTIONS
-    base, networks = (
-        [eqx.filter(model, trainable(model, corrections=kinds)) for model in (before, state.model)]
-        for kinds in (others, NETWORKS | ALONE)
-    )
-    assert eqx.tree_equal(*base)
-    assert not eqx.tree_equal(*networks)
-    counts = [count_parameters(before, corrections=kinds) for kinds in (others, NETWORKS | ALONE, CORRECTIONS)]
-    assert counts[0] + counts[1] == counts[2]
+@pytest.fixture
+def rivalry(pendulum, small, quick, monkeypatch):
+    """What networks must improve on, fitted; the stage of that and of networks, and the state before and after it."""
+    monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 0.0)
+    stages, before = _prepare(pendulum(count=6), small, dataclasses.replace(quick, growth_steps=3))
+    rival: Any = stages[-3]
+    before = before._replace(best_loss=1.0)
+    state, report = rival.start(before), None
+    while report is None or not report.finished:
+        state, report = rival.advance(state)
+    assert not report.verdict
+    return rival, stages[-2], before, state
+
+
+def test_networks_must_improve_on_what_the_rest_becomes_by_the_same_recordings(rivalry, monkeypatch):
+    rival, growth, before, state = rivalry
+    best = cast(before.best, float)
+    assert eqx.tree_equal(state.best, best)
+    assert state.origin == before.origin
+    assert eqx.tree_equal(state.incumbent.rival, state.model)
+    fitted = [evaluate_loss(model, rival.data.objective, rival.data.train) for model in (state.model, best)]
+    assert fitted[0] < fitted[1]
+    monkeypatch.setattr(_levenberg_stage, "FOUND", math.inf)
+    begun = growth.start(state)
+    assert eqx.tree_equal(begun.best, state.model)
+    assert eqx.tree_equal(begun.incumbent.model, best)
+    after, _ = growth.advance(begun)
+    assert after.step == 1
+    compared = []
+    monkeypatch.setattr(Data, "gain", lambda _, model, __, other, ___: (compared.extend((model, other)), (-9.0, ""))[1])
+    undone, verdict = growth._concluded(after._replace(best=after.model))
+    assert eqx.tree_equal(tuple(compared), (after.model, state.model))
+    assert verdict.startswith("not kept")
+    assert eqx.tree_equal(undone.best, best)
+
+
+def test_networks_are_not_asked_for_where_half_of_the_recordings_tell_nothing_of_the_others(rivalry, monkeypatch):
+    _, growth, before, state = rivalry
+    begun = growth.start(state)
+    for bound, skipped in ((begun.best_loss * 1.01, False), (begun.best_loss * 0.99, True)):
+        monkeypatch.setattr(_levenberg_stage, "FOUND", bound)
+        after, report = growth.advance(begun)
+        assert (report.outcome == "the recordings tell too little of each other") == skipped
+        assert (after.step == 0) == skipped
+        if skipped:
+            assert eqx.tree_equal(after.best, cast(before.best, float))
 
 
 def test_the_loss_is_that_of_validation_whoever_judged_networks(pendulum, small, quick, monkeypatch):

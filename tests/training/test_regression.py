@@ -178,7 +178,7 @@ def corrections_of(model):
 def begun_with(best, model):
     """State of training with a best model."""
     weighing = Weighing.plain(9)
-    incumbent = Incumbent(model, None, 0, weighing)
+    incumbent = Incumbent(model, None, 0, weighing, rival=model)
     return TrainingState(0, 0, model, None, 1e-4, 1, weighing, best, 1.0, 0, 0, incumbent)
 
 

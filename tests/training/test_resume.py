@@ -66,6 +66,7 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(
         "levenberg-marquardt",
         "relevance",
         "refit",
+        "refit on half",
         "growth",
         "growth on all",
     } <= stages

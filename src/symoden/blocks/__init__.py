@@ -39,7 +39,6 @@ from ._friction import (
 from ._functions import (
     ACTIVATIONS as ACTIVATIONS,
     ACTUATION as ACTUATION,
-    ALONE as ALONE,
     CORRECTIONS as CORRECTIONS,
     DIRECTIONS as DIRECTIONS,
     FRICTION as FRICTION,
@@ -74,7 +73,6 @@ from ._triangles import (
 __all__ = [
     "ACTIVATIONS",
     "ACTUATION",
-    "ALONE",
     "CORRECTIONS",
     "DIRECTIONS",
     "FRICTION",

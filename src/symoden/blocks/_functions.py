@@ -51,8 +51,6 @@ POTENTIAL = 32
 """Those by which the potential energy is no polynomial of lengths, or has more than first harmonics of angles."""
 CORRECTIONS = FRICTION | DIRECTIONS | ACTUATION | NETWORKS | INERTIA | POTENTIAL
 """All kinds of corrections."""
-ALONE = 64
-"""Beside kinds of corrections: these alone are free, and all else stays as it is."""
 
 _WAVES = 2.0  # Spread of the first frequencies of a network of sines, relative to the inputs' scale.
 

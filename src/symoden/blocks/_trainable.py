@@ -11,7 +11,7 @@ from jaxtyping import PyTree
 from symoden.shapes import Coordinates
 
 from ._fourier import FourierSeries
-from ._functions import ALONE, CORRECTIONS, AbstractFunction, Correction, Network, Sum
+from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Sum
 from ._harmonics import Harmonics
 from ._known import Known
 
@@ -21,23 +21,16 @@ def trainable(model: PyTree, *, corrections: int = CORRECTIONS) -> PyTree:
 
     Args:
         model: Any tree of modules.
-        corrections: Which kinds of terms marked as `Correction` are free, as flags; 0 for none of them. With `ALONE`
-            all else is frozen.
+        corrections: Which kinds of terms marked as `Correction` are free, as flags; 0 for none of them.
 
     Returns:
         Tree prefix of booleans, for `eqx.partition`: false for `Known` arrays, for whatever is no array of floats,
         and for frozen corrections.
     """
 
-    def is_free(node: object) -> bool:
-        return isinstance(node, Correction) and bool(node.kind & corrections)
-
     def is_fixed(node: object) -> bool:
-        return isinstance(node, Known) or (isinstance(node, Correction) and not is_free(node))
+        return isinstance(node, Known) or (isinstance(node, Correction) and not node.kind & corrections)
 
-    if corrections & ALONE:
-        free = functools.partial(trainable, corrections=corrections & ~ALONE)
-        return jax.tree.map(lambda node: is_free(node) and free(node), model, is_leaf=is_free)
     return jax.tree.map(lambda leaf: not is_fixed(leaf) and eqx.is_inexact_array(leaf), model, is_leaf=is_fixed)
 
 

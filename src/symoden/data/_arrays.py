@@ -27,7 +27,7 @@ def read_npz(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
 
     Args:
         path: File.
-        names: The variables; a star stands for any text.
+        names: The variables; a star stands for any text without slashes.
 
     Returns:
         The variables by name.
@@ -71,8 +71,8 @@ def read_hdf5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
         ) from error
     try:
         with h5py.File(path, "r") as file:
-            if any(STAR in name for name in names):
-                names = spelt_out(names, _datasets(file))
+            every = [each for name in names for each in _spelt_out_in(file, name)]
+            names = spelt_out(names, every)
             return {name: _read_hdf5_dataset(path, file, name) for name in names}
     except DataError:
         raise
@@ -85,7 +85,7 @@ def read_mat(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
 
     Args:
         path: File.
-        names: The variables; fields of structs behind points.
+        names: The variables; fields of structs behind points. A star stands for any text in one of version 7.3.
 
     Returns:
         The variables by name, with MATLAB's axes.
@@ -98,7 +98,8 @@ def read_mat(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
     if header.startswith(b"MATLAB 7.3"):
         places = {name: name.replace(".", "/") for name in names}  # A struct is a group of HDF5.
         arrays = read_hdf5(path, list(places.values()))
-        return {name: _time_first(arrays[place].T) for name, place in places.items()}
+        written = {place: name for name, place in places.items()}  # Those of a star are not among them.
+        return {written.get(at, at.replace("/", ".")): _time_first(array.T) for at, array in arrays.items()}
     try:
         return {name: _time_first(array) for name, array in read_mat5(path, names).items()}
     except DataError:
@@ -178,6 +179,20 @@ def _read_hdf5_dataset(path: Path, file: "h5py.File", name: str) -> np.ndarray:
         raise DataError(f"`{path}`: variable `{name}` must be in this file; got one that is stored in another.")
     refuse_large(path, 8 * math.prod(dataset.shape or ()), f"variable `{name}`")
     return _numeric(path, name, dataset[()])
+
+
+def _spelt_out_in(group: "h5py.Group", name: str) -> list[str]:
+    """Paths of what a name with stars may stand for, behind links too: what `visititems` sees once, if at all."""
+    import h5py  # optional
+
+    first, slash, rest = name.partition("/")
+    if not first and slash:  # From the file's root, as all are.
+        return [slash + each for each in _spelt_out_in(group, rest)]
+    keys = [key for key in map(str, group) if starred(first, key) is not None] if STAR in first else [first]
+    items = [(key, group.get(key)) for key in keys]
+    if not slash:
+        return [key for key, item in items if item is not None]
+    return [f"{key}/{each}" for key, at in items if isinstance(at, h5py.Group) for each in _spelt_out_in(at, rest)]
 
 
 def _datasets(file: "h5py.File") -> list[str]:

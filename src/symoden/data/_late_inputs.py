@@ -73,14 +73,14 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     interior = delay > step / 2 and best < len(every) - 1
     if not interior or np.mean(then) > min(_EXPLAINED, _LESS * np.mean(now)) or (then > 1.05 * now).any():
         return []
-    total = [float(f"{each + delay:.2g}") for each in delays]
+    total = [float(f"{each + delay:.4g}") for each in delays]
     said = f"{total[0]:g}" if len(total) == 1 else f"[{', '.join(f'{each:g}' for each in total)}]"
     return [
         Finding(
             kind="delay",
             level="note",
             channel=dataset.input_names[0] if dataset.inputs == 1 else "",
-            text=f"in [train] accelerations follow the inputs best {delay:.2g} s late: {100 * np.mean(now):.2g}% of "
+            text=f"in [train] accelerations follow the inputs best {delay:.4g} s late: {100 * np.mean(now):.2g}% of "
             f"their variance is unexplained without, {100 * np.mean(then):.2g}% with such a delay",
             advice=f"Try `input_delay = {said}`: by drives, networks or slow actuators. Errors of recordings held "
             "out of training tell whether it is better.",

@@ -60,7 +60,7 @@ class AdamStage(AbstractStage):
             loss = evaluate_loss(best, self.data.objective, self.data.judged)
         else:
             known = Relevance.start(best, self.config.prior)
-        incumbent = Incumbent(best, known, state.origin, state.weighing)
+        incumbent = Incumbent(best, known, state.origin, state.weighing, rival=best)
         return state._replace(step=0, model=model, best=best, best_loss=loss, incumbent=incumbent, memory=memory)
 
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:

@@ -193,7 +193,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         best_loss=math.inf,
         origin=0,
         stale=0,
-        incumbent=Incumbent(dynamics, None, 0, weighing),
+        incumbent=Incumbent(dynamics, None, 0, weighing, rival=dynamics),
     )
     return stages, state
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import ALONE, DIRECTIONS, FRICTION, count_parameters
+from symoden.blocks import DIRECTIONS, FRICTION, count_parameters
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
@@ -66,8 +66,9 @@ class LevenbergStage(AbstractStage):
         rollouts: Windows on which the best model has found no basin, as far as a scaled loss tells: else the stage has
             nothing to do. What comes of it is kept if rollouts there are better.
         after: Only where the best model comes from this stage or a later one, by their indices.
-        parted: It fits some recordings and is judged by others. What was free before has learned from all of them, and
-            stays as it is: to forget the others is no fault of what is set free.
+        rivals: It fits some recordings, to be judged by others. What it makes is nothing to keep, but what the next
+            stage begins with and must improve on: the best model has learned from the others too.
+        rivalled: It begins with that, and has nothing to do where that predicts nothing of the others.
     """
 
     data: Data
@@ -86,7 +87,8 @@ class LevenbergStage(AbstractStage):
     plain: int = 0
     rollouts: Data | None = None
     after: int = 0
-    parted: bool = False
+    rivals: bool = False
+    rivalled: bool = False
 
     def applies(self, state: TrainingState) -> bool:
         """Whether the stages before have left the stage something to do."""
@@ -99,7 +101,7 @@ class LevenbergStage(AbstractStage):
             return False  # There is nothing to improve on, nor to judge by.
         if self.rollouts is not None:
             return state.best_loss >= FOUND
-        return self.fresh is None or not (self._is_below(EXPLAINED, state.best_loss) or self._has_freed(state.best))
+        return self.fresh is None or not self._needless(state)
 
     def anew(self, fresh: AbstractDynamics) -> "LevenbergStage":
         """The same where it begins with the best model; else from another draw of weights."""
@@ -108,7 +110,7 @@ class LevenbergStage(AbstractStage):
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
-        best = cast(self._first(state), dtype)
+        before, best = (cast(model, dtype) for model in (state.best, self._first(state)))
         weighing = self._plain(best)
         loss = state.best_loss
         if self.margin is not None and self._is_below(EXPLAINED, loss):  # In these windows, too?
@@ -126,7 +128,7 @@ class LevenbergStage(AbstractStage):
             model=best,
             weighing=weighing,
             best=best,
-            incumbent=Incumbent(cast(state.best, dtype), known, state.origin, state.weighing),
+            incumbent=Incumbent(before, known, state.origin, state.weighing, best if self.rivalled else before),
             best_loss=loss,
             origin=state.stage,
             memory=priors,
@@ -250,6 +252,8 @@ class LevenbergStage(AbstractStage):
         Returns:
             Whether it is.
         """
+        if self.rivals:  # Validation was fitted to before.
+            return step.falls_by(_FALLING)
         # A network takes a dozen steps to find its shape, in which validation goes up and down.
         lost = judged > _LOST * least
         return (judged < least and step.falls_by(_STALLED)) or (self.frees and not lost and step.falls_by(_FALLING))
@@ -275,13 +279,13 @@ class LevenbergStage(AbstractStage):
 
     def _free(self, model: AbstractDynamics, before: AbstractDynamics) -> int:
         """Which kinds of corrections that are, as flags."""
-        if self.parted:
-            return self.corrections | ALONE
         kept = freed(model) if self.fresh is None else freed(model) | freed(before) & ~(FRICTION | DIRECTIONS)
         return self.corrections | kept
 
     def _first(self, state: TrainingState) -> AbstractDynamics:
         """What to begin with: the best model so far, or the guess if its rollouts are better."""
+        if self.rivalled:
+            return state.incumbent.rival
         if self.fresh is not None:
             return self.fresh
         if self.guess is None or self._loss(state.best, state.substeps) <= self._loss(self.guess, state.substeps):
@@ -301,13 +305,11 @@ class LevenbergStage(AbstractStage):
         """Why the stage has nothing to do, if so."""
         if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
             return "nothing left to explain"
-        if self._has_freed(state.best):
+        if self.frees and not self.corrections & ~freed(state.best):
             return "free already"
+        if self.rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
+            return "the recordings tell too little of each other"
         return ""
-
-    def _has_freed(self, model: AbstractDynamics) -> bool:
-        """Whether nothing is left to set free."""
-        return self.frees and not self.corrections & ~freed(model)
 
     def _learned(
         self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], corrections: int
@@ -321,6 +323,9 @@ class LevenbergStage(AbstractStage):
 
     def _concluded(self, state: TrainingState) -> tuple[TrainingState, str]:
         """State at the end of the stage, with what came of it or as it was before; and the verdict in words."""
+        if self.rivals:
+            undone = self._undone(state)
+            return undone._replace(incumbent=undone.incumbent._replace(rival=state.model)), ""
         if self.rollouts is not None:
             windows, objective = self.rollouts.judged, self.rollouts.objective
             models = (cast(model, windows.q.dtype) for model in (state.best, state.incumbent.model))
@@ -330,7 +335,7 @@ class LevenbergStage(AbstractStage):
         if self.margin is None or self.data.validation is None:
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
-        gain, why = self.data.gain(state.best, state.best_loss, state.incumbent.model, objective)
+        gain, why = self.data.gain(state.best, state.best_loss, state.incumbent.rival, objective)
         why = why if math.isinf(gain) else f"{why}, more than {self.margin:+.3g} wanted"
         if gain > self.margin:
             freed_too = self.learns and FRICTION & freed(state.best) & ~freed(state.incumbent.model)
@@ -340,7 +345,7 @@ class LevenbergStage(AbstractStage):
 
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""
-        best, memory, origin, weighing = state.incumbent
+        best, memory, origin, weighing, _ = state.incumbent
         loss = evaluate_loss(best, self.objective(state.substeps, state.weighing), self.data.judged)
         return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, weighing=weighing)
 
@@ -353,6 +358,11 @@ class LevenbergStage(AbstractStage):
             return True, "converged"
         finished = state.step >= self.steps
         return finished, "all steps taken" if finished else ""
+
+    @property
+    def parted(self) -> bool:
+        """Whether it fits some of the recordings and is judged by others."""
+        return self.rivals or self.rivalled
 
     @property
     def regresses(self) -> bool:

@@ -213,8 +213,10 @@ def _growth(
 ) -> list[LevenbergStage]:
     """Networks, last.
 
-    They learn from half of the recordings what the others must confirm, if there are windows `apart` for that, while
-    all else stays as it is; then all of it is fitted to all recordings.
+    They learn from half of the recordings what the others must confirm, if there are windows `apart` for that, and are
+    fitted to all of them then. What they must improve on is fitted to the same half before: the best model so far has
+    learned from the others too, and to forget these is no fault of networks. Where that is lost on the others, half of
+    the recordings cannot tell of networks either.
 
     More than `MOST_PARAMETERS` are too many: they stay closed.
 
@@ -235,9 +237,12 @@ def _growth(
     steps = config.growth_steps
     if apart is None:
         return [LevenbergStage(data, config, "growth", steps, kinds | networks, margin=_CLEAR, frees=True)]
+    rivalled = _fits(dynamics, kinds)  # Else every part is given, and has learned nothing.
+    rival = [LevenbergStage(apart, config, "refit on half", steps, kinds, margin=0.0, rivals=True)] if rivalled else []
     return [
-        LevenbergStage(apart, config, "growth", steps, networks, margin=_CLEAR, frees=True, parted=True),
-        LevenbergStage(data, config, "growth on all", steps, kinds, margin=-_CLEAR, after=after),
+        *rival,
+        LevenbergStage(apart, config, "growth", steps, kinds | networks, margin=_CLEAR, frees=True, rivalled=rivalled),
+        LevenbergStage(data, config, "growth on all", steps, kinds, margin=-_CLEAR, after=after + len(rival)),
     ]
 
 

@@ -17,12 +17,14 @@ class Incumbent(NamedTuple):
         memory: What was remembered then.
         origin: Index of the stage that it came from.
         weighing: What errors counted in that stage.
+        rival: What the stage is compared with: that model, or what it becomes by the recordings of this stage alone.
     """
 
     model: AbstractDynamics
     memory: PyTree
     origin: int
     weighing: Weighing
+    rival: AbstractDynamics
 
 
 class TrainingState(NamedTuple):
