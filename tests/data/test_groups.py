@@ -100,7 +100,7 @@ def test_a_star_sees_what_is_behind_links_and_slashes(tmp_path):
         del file["data/demo_10/t"]
         file["data/demo_10/t"] = file["data/demo_2/t"]  # One clock, which both have.
         for name in ("q", "u"):
-            values = file[f"data/demo_10/{name}"][:30]
+            values = recorded("10")[name][:30]
             del file[f"data/demo_10/{name}"]
             file[f"data/demo_10/{name}"] = values
         file["data/demo_empty/notes"] = np.zeros(3)
@@ -111,7 +111,8 @@ def test_a_star_sees_what_is_behind_links_and_slashes(tmp_path):
         rows = read_rows(path, selectors, ALL)
         assert rows.labels is not None
         assert list(rows.labels) == ["2"] * 30 + ["10"] * 30
-        np.testing.assert_array_equal(*np.split(rows.signals["time"][:, 0], 2))
+        first, second = np.split(rows.signals["time"][:, 0], 2)
+        np.testing.assert_array_equal(first, second)
 
 
 def test_a_star_stands_for_a_struct_of_a_matlab_file(tmp_path):

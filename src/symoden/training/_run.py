@@ -203,7 +203,8 @@ def run(
             state, verdict = left[0].settled(state)
             so_far = {left[0].name: f"cut short, {verdict}"} if verdict else {}
             return state, watch.outcome(_names(left)), _verdicts(lines) | so_far
-    outcomes = [line["outcome"] for line in lines if line.get("outcome")]  # Those before a resumption too.
+    # Those before a resumption too; why a stage was skipped says nothing of the training.
+    outcomes = [line["outcome"] for line in lines if line.get("outcome") and line["step"]]
     return state, outcomes[-1] if outcomes else "all steps taken", _verdicts(lines)
 
 
