@@ -34,6 +34,8 @@ def test_predictions_that_diverge_are_not_blamed_on_inputs():
     words = poor([recording(0.1, 1.0), recording(math.inf, 1.0)])
     assert words.startswith("over 1 s most predictions of `run` diverge")
     assert "sign" not in words
+    others = poor([recording(0.9, 1.0), recording(math.inf, 1.0), recording(math.nan, math.nan)])
+    assert others.startswith(f"{words} Of the others, over 1 s predictions are off by 0.9 where positions move 1, ")
 
 
 def test_errors_are_compared_with_the_motion():

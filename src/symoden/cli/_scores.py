@@ -95,13 +95,15 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     Returns:
         The words; none where predictions are better, or no recording is as long as a window.
     """
-    long, error, motion = _over_a_second(recordings)
-    lost = [f"`{each.name}`" for each in long if not math.isfinite(each.window_rmse.median)]
+    lost = [each for each in _over_a_second(recordings)[0] if not math.isfinite(each.window_rmse.median)]
     if lost:
+        names = first_few((f"`{each.name}`" for each in lost), _FEW)
+        others = poor([each for each in recordings if math.isfinite(each.window_rmse.median)])
         return (
-            f"over 1 s most predictions of {first_few(lost, _FEW)} diverge. Its motion may lie outside of what "
-            "training has seen (`symoden inspect` says how far), or the model is a poor one."
+            f"over 1 s most predictions of {names} diverge. The motion may lie outside of what training has seen "
+            f"(`symoden inspect` says how far), or the model is a poor one.{others and f' Of the others, {others}'}"
         )
+    long, error, motion = _over_a_second(recordings)
     if error <= _POOR * motion:
         return ""
     return (

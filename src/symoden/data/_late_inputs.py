@@ -121,12 +121,15 @@ class _Bumps(NamedTuple):
 
     def pushed(self, delay: float) -> Float[np.ndarray, "B k"]:
         """∫ w u dt of inputs of some time ago, as they are and as they turn with each angle."""
-        # Means over every sample's dt: an input that is held until the next row acts half a step later than its row.
+        # Means over every sample's cell, half of which is before it: of an input that is held until the next row these
+        # are (u[k−1] + u[k]) / 2, as it acts half a step later than its row.
         ts = self.recording.ts
         at = ts[self.samples] - delay
-        ends = (at + sign * self.cells / 2 for sign in (1, -1))
-        after, before = (np.stack([np.interp(end, ts, column) for column in self.given.T], axis=2) for end in ends)
-        means = (after - before) / self.cells[:, :, None]
+
+        def integral(until: Float[np.ndarray, "B s"]) -> Float[np.ndarray, "B s m"]:
+            return np.stack([np.interp(until, ts, column) for column in self.given.T], axis=2)
+
+        means = (integral(at + self.cells / 2) - integral(at - self.cells / 2)) / self.cells[:, :, None]
         return np.einsum("bsm,bsa->bma", means, self.turning, optimize=True).reshape(len(at), -1)
 
 

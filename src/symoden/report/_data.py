@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from symoden.data import DatasetCheck, RecordingCheck
 
-from ._style import COLOURS, INK, LABEL, SMALL, since, tidy, wrapped
+from ._style import COLOURS, INK, LABEL, SMALL, clock, since, tidy, wrapped
 
 _PANEL: Final = (2.6, 1.25)  # inches
 _ROOM: Final = (0.8, 0.7)
@@ -49,7 +49,7 @@ def draw_check(check: DatasetCheck) -> Figure:
     for ax, (role, i) in zip(panels[0], signals, strict=True):
         ax.set_title(check.recordings[0].log.title(role, i), fontsize=LABEL)
     for ax in panels[-1]:
-        ax.set_xlabel("time [s]", fontsize=SMALL)
+        ax.set_xlabel(clock(each.log.ts for each in check.recordings), fontsize=SMALL)
     return figure
 
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 from symoden.experiments import RecordedPaths
 
-from ._style import COLOURS, INK, LABEL, SMALL, since, tidy, wrapped
+from ._style import COLOURS, INK, LABEL, SMALL, clock, since, tidy, wrapped
 
 _PANEL: Final = (4.6, 1.7)  # inches
 _BAND: Final = 0.25
@@ -38,7 +38,7 @@ def draw_recorded(recordings: Sequence[RecordedPaths], titles: Sequence[str]) ->
     for ax, title in zip(panels[0], titles, strict=True):
         ax.set_title(title, fontsize=LABEL)
     for ax in panels[-1]:
-        ax.set_xlabel("time [s]", fontsize=LABEL)
+        ax.set_xlabel(clock(recording.ts for recording in recordings), fontsize=LABEL)
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=INK, linewidth=1.6, label="measured"),
         Line2D([], [], color=COLOURS[1], linestyle="--", linewidth=1.2, label="one rollout from the first sample"),

@@ -1,7 +1,7 @@
 """Colours that the colour-blind can tell apart and that print in different greys; nothing is set globally."""
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -51,6 +51,18 @@ def since(ts: Float[np.ndarray, " T"]) -> float:
     """
     known = ts[np.isfinite(ts)]
     return float(known[0]) if len(known) and abs(known[0]) > _LONG * max(float(np.ptp(known)), 1.0) else 0.0
+
+
+def clock(every: Iterable[Float[np.ndarray, " T"]]) -> str:
+    """Heading of the axis of time of recordings that are drawn below each other.
+
+    Args:
+        every: Time stamps of each [s].
+
+    Returns:
+        The words, which say so where `since` moves one.
+    """
+    return "time since the first row [s]" if any(map(since, every)) else "time [s]"
 
 
 def wrapped(name: str) -> str:

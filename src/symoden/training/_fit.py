@@ -30,7 +30,7 @@ from ._stages import AbstractStage
 from ._state import Incumbent, TrainingState
 from ._weighing import Weighing
 
-_LOST = 1e3  # Loss relative to the motion, beyond which a model predicts nothing.
+_NOTHING = 1e3  # Loss relative to the motion, beyond which a model predicts nothing.
 
 
 class TrainingError(RuntimeError):
@@ -135,7 +135,7 @@ def fit(
         state, outcome, verdicts = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
         completed, ensemble = state.stage == len(stages), None
         state = _rated(stages, state)
-        if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _LOST):
+        if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _NOTHING):
             raise TrainingError(
                 "Training must find a model whose errors are finite and not far larger than the motion; the best one "
                 f"has a loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the "

@@ -1,7 +1,6 @@
 """The Gauss-Newton matrix JᵀJ of the residuals, gathered window by window."""
 
 import functools
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -272,13 +271,12 @@ class Linearization:
         total, *rest = self.found.residuals.shape
         rows = math.prod(rest)
         chunk = self.chunk or min(_CACHED_WINDOWS, max(1, _LARGEST_JACOBIAN // (rows * self.theta.size)))
-        starts = range(0, total, chunk)
-        begun = {start: self._begin(start, chunk, total) for start in starts[:1]}
-        for start, following in itertools.zip_longest(starts, starts[1:]):
-            if following is not None:  # Computed while what is made of this one is.
-                begun[following] = self._begin(following, chunk, total)
-            some = slice(start, min(start + chunk, total))
-            block = np.asarray(begun.pop(start))[: some.stop - start]
+        ahead = self._begin(0, chunk, total)
+        for start in range(0, total, chunk):
+            some, begun = slice(start, min(start + chunk, total)), ahead
+            if some.stop < total:  # Computed while what is made of this one is.
+                ahead = self._begin(some.stop, chunk, total)
+            block = np.asarray(begun)[: some.stop - start]
             if total * rows * self.theta.size <= _MOST_KEPT:
                 self._kept[start] = block
             yield some, block
