@@ -105,7 +105,12 @@ def test_a_star_sees_what_is_behind_links_and_slashes(tmp_path):
             file[f"data/demo_10/{name}"] = values
         file["data/demo_empty/notes"] = np.zeros(3)
         file["data/demo_lost"] = h5py.SoftLink("/nowhere")
-        file["data/demo_away"] = h5py.ExternalLink("elsewhere.h5", "/data")
+        file["data/demo_latest"] = h5py.SoftLink("/data/demo_2")  # It is one recording all the same.
+        file["data/demo_away"] = h5py.ExternalLink("elsewhere.h5", "/")
+        file.create_group("data/demo_2/raw_notes")
+        file["data/demo_2/raw_q"] = np.zeros(30)
+    with h5py.File(tmp_path / "elsewhere.h5", "w") as file:
+        file["t"], file["q"] = np.zeros((2, 30))
     for folder in ("data", "/data", "other"):
         selectors = {"time": f"{folder}/demo_*/t", "positions": f"{folder}/demo_*/q"}
         rows = read_rows(path, selectors, ALL)
@@ -113,6 +118,9 @@ def test_a_star_sees_what_is_behind_links_and_slashes(tmp_path):
         assert list(rows.labels) == ["2"] * 30 + ["10"] * 30
         first, second = np.split(rows.signals["time"][:, 0], 2)
         np.testing.assert_array_equal(first, second)
+    rows = read_rows(path, {"positions": "data/demo_2/raw_*"}, ALL)
+    assert rows.labels is not None
+    assert list(rows.labels) == ["q"] * 30
 
 
 def test_a_star_stands_for_a_struct_of_a_matlab_file(tmp_path):
@@ -120,6 +128,7 @@ def test_a_star_stands_for_a_struct_of_a_matlab_file(tmp_path):
         for label in LENGTHS:
             for name, array in recorded(label).items():
                 file[f"demo_{label}/{name}"] = array.reshape(-1, 1).T
+            file[f"demo_{label}/smooth/q"] = np.zeros((1, 7))
     with (tmp_path / "demos.mat").open("r+b") as file:
         file.write(b"MATLAB 7.3 MAT-file".ljust(512))
     rows = read_rows(tmp_path / "demos.mat", {"time": "demo_*.t", "positions": ("demo_*.q",)}, ALL)

@@ -77,7 +77,8 @@ def test_what_networks_learned_is_fitted_to_all_recordings_then(count):
         assert not any(each.parted for each in stages)
         return
     assert names[-3:] == ["refit on half", "growth", "growth on all"]
-    assert [(each.rivals, each.rivalled) for each in stages[-3:]] == [(True, False), (False, True), (False, False)]
+    roles = [(each.parted, each.rivals, each.rivalled, each.joins) for each in stages[-3:]]
+    assert roles == [(True, True, False, False), (True, False, True, False), (False, False, False, True)]
     assert stages[-3].data is stages[-2].data
     assert len(stages[-2].data.train.ts) == len(parted.train.ts)
     assert len(stages[-1].data.train.ts) == len(data.train.ts)
@@ -145,6 +146,22 @@ def test_the_loss_is_that_of_validation_whoever_judged_networks(pendulum, small,
     losses = [each._loss(result.model, result.substeps) for each in (last, parted)]
     assert result.loss == pytest.approx(losses[0], rel=1e-3)
     assert result.loss != pytest.approx(losses[1], rel=1e-3)
+
+
+def test_all_that_networks_made_is_judged_against_what_was_before_halves(rivalry, monkeypatch, quick):
+    rival, growth, before, state = rivalry
+    monkeypatch.setattr(_levenberg_stage, "FOUND", math.inf)
+    begun, best = growth.start(state), cast(before.best, float)
+    assert eqx.tree_equal(growth.settled(begun)[0].best, best)  # At a time limit.
+    after, _ = growth.advance(begun)
+    assert eqx.tree_equal(growth.settled(after)[0].best, best)
+    after = after._replace(best=after.model)
+    on_all = LevenbergStage(rival.data, quick, "growth on all", 2, margin=-1.0, joins=True)
+    joined = on_all.start(after)
+    assert eqx.tree_equal((joined.best, joined.incumbent.model, joined.incumbent.rival), (after.best, best, best))
+    assert joined.incumbent.origin == before.origin
+    assert eqx.tree_equal(on_all.settled(joined)[0].best, best)
+    assert eqx.tree_equal(on_all._undone(joined).best, best)
 
 
 @pytest.mark.parametrize(("judged", "goes_on"), [(0.5, True), (2.9, True), (3.1, False), (np.inf, False)])

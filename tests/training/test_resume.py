@@ -40,11 +40,11 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(
     pendulum, small, quick, tmp_path, in_strides, monkeypatch
 ):
     monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 0.0)  # No stage is needless,
-    monkeypatch.setattr(_line_up, "_CLEAR", -99.0)  # and each is kept, so that the ones after it have to be gone to.
+    monkeypatch.setattr(_line_up, "_CLEAR", -99.0)  # and what must gain clearly is kept, so that all others follow.
     dataset = pendulum(count=8)
     quick = dataclasses.replace(quick, lm_steps=1, growth_steps=2, relevance_steps=1)
     whole = fit(dataset, model=small, config=quick, folder=tmp_path / "whole")
-    stages, part, whitened = set(), whole, False
+    stages, part, whitened, delivered = set(), whole, False, {}
     for part in in_strides(
         dataset,
         most=50,
@@ -57,6 +57,9 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(
         whitened |= any(array.any() for array in arrays.values() if array.shape == (2, 3, 3))  # Lags.
         if not part.completed:
             assert "time limit of 0 minutes, with " in part.outcome
+            assert "growth on all still to come" in part.outcome
+            left = part.outcome.partition(", with ")[2].partition(" still")[0].split(", ")
+            delivered.setdefault(left[0], []).append(part.model)
     assert part.completed
     assert not {stage for stage in stages if stage.startswith("skipped")}, part.verdicts
     assert {
@@ -70,9 +73,14 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(
         "growth",
         "growth on all",
     } <= stages
+    before = delivered["refit on half"][0]  # What some recordings alone have made is never delivered.
+    halves = [*delivered["refit on half"], *delivered["growth"], delivered["growth on all"][0]]
+    assert len(halves) >= 4
+    assert all(eqx.tree_equal(model, before) for model in halves)
     assert eqx.tree_equal(part.model, whole.model)
     assert part.loss == whole.loss
     assert part.verdicts == whole.verdicts
+    assert "not kept" not in whole.verdicts["growth"]
     assert {"relevance", "refit", "growth", "growth on all"} <= set(whole.verdicts)
     lines = [len((tmp_path / run / "metrics.jsonl").read_text().splitlines()) for run in ("whole", "parts")]
     assert lines[0] == lines[1]

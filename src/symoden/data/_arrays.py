@@ -71,8 +71,7 @@ def read_hdf5(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
         ) from error
     try:
         with h5py.File(path, "r") as file:
-            every = [each for name in names for each in _spelt_out_in(file, name)]
-            names = spelt_out(names, every)
+            names = spelt_out(names, [each for name in names if STAR in name for each in _spelt_out_in(file, name)])
             return {name: _read_hdf5_dataset(path, file, name) for name in names}
     except DataError:
         raise
@@ -182,17 +181,28 @@ def _read_hdf5_dataset(path: Path, file: "h5py.File", name: str) -> np.ndarray:
 
 
 def _spelt_out_in(group: "h5py.Group", name: str) -> list[str]:
-    """Paths of what a name with stars may stand for, behind links too: what `visititems` sees once, if at all."""
+    """Paths of the data sets that a name with stars may stand for, behind links within the file too.
+
+    A group that has two names is one recording; a clock that all have is everyone's.
+
+    Returns:
+        The paths from the group on.
+    """
     import h5py  # optional
 
     first, slash, rest = name.partition("/")
     if not first and slash:  # From the file's root, as all are.
         return [slash + each for each in _spelt_out_in(group, rest)]
     keys = [key for key in map(str, group) if starred(first, key) is not None] if STAR in first else [first]
-    items = [(key, group.get(key)) for key in keys]
+    inside = [key for key in keys if not isinstance(group.get(key, getlink=True), h5py.ExternalLink)]
+    items = {key: group.get(key) for key in inside}
     if not slash:
-        return [key for key, item in items if item is not None]
-    return [f"{key}/{each}" for key, at in items if isinstance(at, h5py.Group) for each in _spelt_out_in(at, rest)]
+        return [key for key, item in items.items() if isinstance(item, h5py.Dataset)]
+    groups: dict[h5py.Group, str] = {}
+    for key, at in items.items():
+        if isinstance(at, h5py.Group):
+            groups.setdefault(at, key)
+    return [f"{key}/{each}" for at, key in groups.items() for each in _spelt_out_in(at, rest)]
 
 
 def _datasets(file: "h5py.File") -> list[str]:

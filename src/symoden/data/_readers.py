@@ -146,10 +146,12 @@ def _from_groups(
     """Arrays of a recording each, named by what a star stands for; those whose name has none belong to them all."""
     _refuse_recording(path, "the star in the names of its variables tells recordings apart", recording)
     variables = list(dict.fromkeys(variable_of(name) for name in names_in(selectors)))
+    level = "." if suffix_of(path) == ".mat" else "/"  # No star stands for one.
     groups: dict[str, dict[str, np.ndarray]] = {}
     for variable in variables:
         for name, array in arrays.items():
-            if variable not in arrays and (group := starred(variable, name)) is not None:
+            pattern, path_in = (each.replace(level, "/") for each in (variable, name))
+            if variable not in arrays and (group := starred(pattern, path_in)) is not None:
                 groups.setdefault(group, {})[variable] = array
     order = sorted(groups, key=_as_counted)
     common = {variable: arrays[variable] for variable in variables if variable in arrays}

@@ -294,10 +294,12 @@ class _Member:
         """
         stage = self.pattern.stage
         data, config = stage.data, stage.config
-        theta = self._flat(fresh := self.pattern.fresh(self.number))
+        theta = first = self._flat(fresh := self.pattern.fresh(self.number))
         for loss, begun in self._sought(fresh):
             theta = self._flat(begun)
             yield _Trained(step=0, loss=loss, ended=False, best=np.asarray(theta))
+        if self.loss(np.asarray(first)) < self.loss(np.asarray(theta)):  # A guess may be better than a regression.
+            theta = first
         state, best, least, stale = LevenbergState(theta, config.damping), theta, math.inf, 0
         final, priors = self.pattern.state, self.pattern.state.memory
         mean = self._mean(priors.precisions(self.restore(theta), stage.corrections))

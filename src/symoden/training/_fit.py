@@ -134,7 +134,7 @@ def fit(
         watch = Stopwatch(max_minutes)
         state, outcome, verdicts = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
         completed, ensemble = state.stage == len(stages), None
-        state = _rated(stages, state)
+        state = _rated(stages, state, completed=completed)
         if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _NOTHING):
             raise TrainingError(
                 "Training must find a model whose errors are finite and not far larger than the motion; the best one "
@@ -198,15 +198,21 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     return stages, state
 
 
-def _rated(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:
-    """The state of training, its best model rated by rollouts, and on what validates all stages but the last ones."""
+def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: bool) -> TrainingState:
+    """The state of training, its best model rated by rollouts and all errors alike, in the longest windows that were.
+
+    Stages count errors otherwise, and some are judged by recordings that others are fitted to.
+
+    Returns:
+        The state; of training that ended before second-order steps on rollouts with integration as fine as they need.
+    """
     rollouts = [(k, each) for k, each in enumerate(stages) if isinstance(each, LevenbergStage) and not each.regresses]
-    whole = [stage for _, stage in rollouts if not stage.parted]
-    if whole and state.stage < rollouts[0][0]:  # It ended before second-order steps on rollouts.
-        return whole[0].rated(state)
-    if any(stage.parted and k <= state.stage for k, stage in rollouts):
-        return whole[-1].rated(state)
-    return state
+    if not rollouts:
+        return state
+    if state.stage < rollouts[0][0]:
+        return rollouts[0][1].rated(state)
+    gone = [stage for k, stage in rollouts if not stage.parted and (completed or k <= state.stage)]
+    return state._replace(best_loss=gone[-1].rated(state).best_loss) if gone else state
 
 
 def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:

@@ -18,7 +18,7 @@ from ._flatten import Flattening, cast, drawn, freed
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
 from ._objective import AbstractObjective, Batch
-from ._relevance import Relevance, free_scale
+from ._relevance import Relevance, free_scale, remembered
 from ._residuals import evaluate_loss, integration_error
 from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage
 from ._state import Incumbent, Report, TrainingState
@@ -66,9 +66,11 @@ class LevenbergStage(AbstractStage):
         rollouts: Windows on which the best model has found no basin, as far as a scaled loss tells: else the stage has
             nothing to do. What comes of it is kept if rollouts there are better.
         after: Only where the best model comes from this stage or a later one, by their indices.
-        rivals: It fits some recordings, to be judged by others. What it makes is nothing to keep, but what the next
-            stage begins with and must improve on: the best model has learned from the others too.
+        parted: It fits some recordings and is judged by others.
+        rivals: What it makes is nothing to keep, but what the next stage begins with and must improve on: the best
+            model has learned from the recordings that judge, too.
         rivalled: It begins with that, and has nothing to do where that predicts nothing of the others.
+        joins: It goes on with what the stage before has made; both are kept or neither.
     """
 
     data: Data
@@ -87,8 +89,10 @@ class LevenbergStage(AbstractStage):
     plain: int = 0
     rollouts: Data | None = None
     after: int = 0
+    parted: bool = False
     rivals: bool = False
     rivalled: bool = False
+    joins: bool = False
 
     def applies(self, state: TrainingState) -> bool:
         """Whether the stages before have left the stage something to do."""
@@ -110,25 +114,27 @@ class LevenbergStage(AbstractStage):
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
-        before, best = (cast(model, dtype) for model in (state.best, self._first(state)))
+        best = cast(self._first(state), dtype)
         weighing = self._plain(best)
         loss = state.best_loss
-        if self.margin is not None and self._is_below(EXPLAINED, loss):  # In these windows, too?
+        if self.rivalled or (self.margin is not None and self._is_below(EXPLAINED, loss)):  # In these windows, too?
             loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
         if not self._needless(state._replace(best_loss=loss)):
             weighing, loss = self._weighed(best, state)
         fresh = Relevance.start(best, self.config.prior)
-        known = state.memory if isinstance(state.memory, Relevance) else fresh
-        priors = fresh if self.widens else known
+        priors = fresh if self.widens else remembered(state.memory, fresh)
         if self.learns:  # Beside the residuals of these windows.
             kept = freed(best) if self.fresh is None else self._free(best, state.best)
             priors = priors.forgotten().narrowed(best, kept, self.corrections)
+        held = state.best, state.memory, state.origin, state.weighing
+        model, memory, origin, weighed = state.incumbent[:4] if self.joins else held
+        before, memory = cast(model, dtype), remembered(memory, fresh)
         return state._replace(
             step=0,
             model=best,
             weighing=weighing,
             best=best,
-            incumbent=Incumbent(before, known, state.origin, state.weighing, best if self.rivalled else before),
+            incumbent=Incumbent(before, memory, origin, weighed, rival=best if self.rivalled else before),
             best_loss=loss,
             origin=state.stage,
             memory=priors,
@@ -183,8 +189,8 @@ class LevenbergStage(AbstractStage):
 
     def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
         """With what came of it so far, the priors as they are by now, if that is to be kept."""
-        if not state.step:
-            return state, ""
+        if not state.step or self.rivalled:  # What some recordings alone have made, or nothing has.
+            return self._undone(state), ""
         if not self.learns:
             return self._concluded(state)
         loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.judged)
@@ -360,11 +366,6 @@ class LevenbergStage(AbstractStage):
         return finished, "all steps taken" if finished else ""
 
     @property
-    def parted(self) -> bool:
-        """Whether it fits some of the recordings and is judged by others."""
-        return self.rivals or self.rivalled
-
-    @property
     def regresses(self) -> bool:
         """Whether nothing is rolled out."""
         return isinstance(self.data.objective, WeakForm)
@@ -396,6 +397,5 @@ class LevenbergStage(AbstractStage):
         sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
         error = integration_error(state.model, coarse, self.objective(2 * state.substeps, state.weighing), sample)
         loss = evaluate_loss(state.model, coarse, sample)
-        fine = math.isfinite(loss) and error <= 0.01 * loss
-        finer = not fine and state.substeps < _MOST_SUBSTEPS
-        return 2 * state.substeps if finer else state.substeps
+        fine = state.substeps >= _MOST_SUBSTEPS or (math.isfinite(loss) and error <= 0.01 * loss)
+        return state.substeps if fine else 2 * state.substeps

@@ -177,6 +177,19 @@ class Relevance(NamedTuple):
         return Relevance(found, jnp.asarray(variance, float), jnp.asarray(evidence, float))
 
 
+def remembered(memory: PyTree, fresh: Relevance) -> Relevance:
+    """The priors that a stage before has left, if it has.
+
+    Args:
+        memory: What that stage remembers.
+        fresh: The priors else.
+
+    Returns:
+        The priors.
+    """
+    return memory if isinstance(memory, Relevance) else fresh
+
+
 def _posterior(
     precision: Float[np.ndarray, "P P"], pull: Float[np.ndarray, " P"]
 ) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"], float]:
