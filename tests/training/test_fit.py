@@ -119,7 +119,7 @@ def test_data_without_a_finite_model_is_a_training_error(small, quick):
 
 
 def test_a_fit_that_predicts_nothing_is_a_training_error(pendulum, small, quick, monkeypatch):
-    monkeypatch.setattr(_fit, "_LOST", 1e-9)
+    monkeypatch.setattr(_fit, "_NOTHING", 1e-9)
     with pytest.raises(TrainingError, match="not far larger than the motion"):
         fit(pendulum(), model=small, config=dataclasses.replace(quick, adam_steps=20, lm_steps=0))
 
