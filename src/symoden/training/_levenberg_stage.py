@@ -67,8 +67,7 @@ class LevenbergStage(AbstractStage):
             nothing to do. What comes of it is kept if rollouts there are better.
         after: Only where the best model comes from this stage or a later one, by their indices.
         parted: It fits some recordings and is judged by others.
-        rivals: What it makes is nothing to keep, but what the next stage begins with and must improve on: the best
-            model has learned from the recordings that judge, too.
+        rivals: What it makes is not kept, but what the next one must improve on: the best model knows what judges it.
         rivalled: It begins with that, and has nothing to do where that predicts nothing of the others.
         joins: It goes on with what the stage before has made; both are kept or neither.
     """
@@ -362,8 +361,7 @@ class LevenbergStage(AbstractStage):
             return True, "nothing left to explain"
         if state.stale >= self.config.patience:
             return True, "converged"
-        finished = state.step >= self.steps
-        return finished, "all steps taken" if finished else ""
+        return (True, "all steps taken") if state.step >= self.steps else (False, "")
 
     @property
     def regresses(self) -> bool:
