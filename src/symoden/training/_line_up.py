@@ -87,9 +87,7 @@ def line_up(
             )
         longer = longer_data(dataset, dynamics, data, config)
         stages.extend(_further(dynamics, data, longer, config))
-        longest = [data, *longer][-1]
-        apart = across_recordings(dataset, dynamics, longest, config)
-        stages.extend(_growth(dynamics, longest, apart, config, after=len(stages)))
+        stages.extend(_growth(dataset, dynamics, [data, *longer][-1], config, after=len(stages)))
     return stages
 
 
@@ -209,21 +207,21 @@ def _further(
 
 
 def _growth(
-    dynamics: AbstractDynamics, data: Data, apart: Data | None, config: TrainingConfig, *, after: int
+    dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: TrainingConfig, *, after: int
 ) -> list[LevenbergStage]:
     """Networks, last.
 
-    They learn from half of the recordings what the others must confirm, if there are windows `apart` for that, and are
-    fitted to all of them then. What they must improve on is fitted to the same half before: the best model so far has
+    They learn from half of the recordings what the others must confirm, if that can be asked of them, and are fitted to
+    all of them then. What they must improve on is fitted to the same half before: the best model so far has
     learned from the others too, and to forget these is no fault of networks. Where that is lost on the others, half of
     the recordings cannot tell of networks either. In the end all of it must be no worse than what was before.
 
     More than `MOST_PARAMETERS` are too many: they stay closed.
 
     Args:
+        dataset: Recordings, with their validation part.
         dynamics: Untrained model.
         data: Windows of all recordings.
-        apart: Windows of some to fit, and of others to judge by.
         config: Settings.
         after: How many stages come before.
 
@@ -235,6 +233,7 @@ def _growth(
     if not (config.growth_steps and _has(dynamics, networks) and _fits(dynamics, kinds | networks)):
         return []
     steps = config.growth_steps
+    apart = across_recordings(dataset, dynamics, data, config)
     if apart is None:
         return [LevenbergStage(data, config, "growth", steps, kinds | networks, margin=_CLEAR, frees=True)]
     rivalled = _fits(dynamics, kinds)  # Else every part is given, and has learned nothing.
