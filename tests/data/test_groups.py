@@ -128,10 +128,11 @@ def test_a_star_stands_for_a_struct_of_a_matlab_file(tmp_path):
         for label in LENGTHS:
             for name, array in recorded(label).items():
                 file[f"demo_{label}/{name}"] = array.reshape(-1, 1).T
-            file[f"demo_{label}/smooth/q"] = np.zeros((1, 7))
+            file[f"demo_{label}/smooth/q"] = np.zeros((1, LENGTHS[label]))
     with (tmp_path / "demos.mat").open("r+b") as file:
         file.write(b"MATLAB 7.3 MAT-file".ljust(512))
-    rows = read_rows(tmp_path / "demos.mat", {"time": "demo_*.t", "positions": ("demo_*.q",)}, ALL)
+    selectors = {"time": "demo_*.t", "positions": ("demo_*.q",), "inputs": ("demo_*.smooth.q",)}
+    rows = read_rows(tmp_path / "demos.mat", selectors, ALL)
     assert rows.labels is not None
     assert list(dict.fromkeys(rows.labels)) == ["2", "10", "lift"]
     assert len(rows) == sum(LENGTHS.values())
