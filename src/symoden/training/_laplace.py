@@ -73,7 +73,7 @@ class Laplace(AbstractPosterior):
 
             # One pass for each of the fewer.
             forward = theta.size < jax.eval_shape(of, theta).size
-            jacobian = (jax.jacfwd if forward else jax.jacrev)(of)(theta)
+            jacobian = jax.jit((jax.jacfwd if forward else jax.jacrev)(of))(theta)
         return np.asarray(jacobian, float) @ self.factor
 
     def scatter(self) -> AbstractScatter:
@@ -171,10 +171,16 @@ def _priors(model: AbstractDynamics, q: Float[Array, "W n"], prior: float, corre
     """Precisions of the parameters' priors."""
     priors = Relevance.start(model, prior)
     if _is_even(model) and isinstance(model, StructuredModel) and isinstance(model.friction, JointFriction):
-        size = _UNEVEN * jnp.mean(jax.vmap(model.friction.whole_directions)(q), axis=0)
+        size = _UNEVEN * _mean_directions(model.friction, q)
         where = lambda tree: tree.friction.directions.function.values
         priors = priors._replace(precision=eqx.tree_at(where, priors.precision, jnp.maximum(prior, size**-2.0)))
     return priors.precisions(model, corrections)
+
+
+@eqx.filter_jit
+def _mean_directions(friction: JointFriction, q: Float[Array, "W n"]) -> Float[Array, " K"]:
+    """Means over configurations of what each odd shape of friction has for its unit."""
+    return jnp.mean(jax.vmap(friction.whole_directions)(q), axis=0)
 
 
 def _sandwich(
