@@ -1,24 +1,37 @@
 """What the data of a run leave open about its model."""
 
+import contextlib
 import dataclasses
+import hashlib
+from importlib.metadata import version
 from pathlib import Path
 
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
+from symoden.storage import StorageError
 from symoden.training import (
     ENSEMBLE,
     FEWEST_MEMBERS,
+    MODEL,
+    POSTERIOR,
     AbstractPosterior,
     Ensemble,
+    TrainingConfig,
     infer_posterior,
     load_ensemble,
+    load_laplace,
+    save_laplace,
 )
 
+from ._data_summary import summarize
 from ._runs import RunConfig
 
 
 def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> AbstractPosterior:
     """What the data leave open about a run's model: its ensemble if it is to have one, else Laplace's approximation.
+
+    The latter takes as long as many steps of training, so that it is kept in the run's folder where that can be
+    written, and taken from there as long as model, data and settings stay the same.
 
     Args:
         folder: Folder of the run.
@@ -36,7 +49,20 @@ def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dat
     ensemble = read_ensemble(folder, model, config)
     if ensemble is not None:
         return ensemble
-    return infer_posterior(model, dataset, dataclasses.replace(config.training, lm_substeps=config.settled_substeps))
+    training = dataclasses.replace(config.training, lm_substeps=config.settled_substeps)
+    kept, origin = folder / POSTERIOR, _origin(folder / MODEL, training, dataset)
+    with contextlib.suppress(StorageError):  # Absent, of an earlier training, or damaged: it is inferred anew.
+        return load_laplace(kept, model, origin=origin)
+    posterior = infer_posterior(model, dataset, training)
+    with contextlib.suppress(StorageError):  # A run that can only be read has its bands, too.
+        save_laplace(kept, posterior, origin=origin)
+    return posterior
+
+
+def _origin(model: Path, training: TrainingConfig, dataset: Dataset) -> str:
+    """SHA-256 of all that a posterior is inferred from, and of the version that infers it."""
+    told = repr((version("symoden"), training, summarize(dataset).digest))
+    return hashlib.sha256(model.read_bytes() + told.encode()).hexdigest()
 
 
 def read_ensemble(folder: Path, model: AbstractDynamics, config: RunConfig) -> Ensemble | None:

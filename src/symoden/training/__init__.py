@@ -15,15 +15,21 @@ from ._fit import (
     fit as fit,
     ignore as ignore,
 )
-from ._laplace import Laplace as Laplace, infer_posterior as infer_posterior
+from ._laplace import (
+    Laplace as Laplace,
+    infer_posterior as infer_posterior,
+    load_laplace as load_laplace,
+    save_laplace as save_laplace,
+)
 from ._posterior import AbstractPosterior as AbstractPosterior, AbstractScatter as AbstractScatter
-from ._run import ENSEMBLE as ENSEMBLE, MODEL as MODEL, Progress as Progress
+from ._run import ENSEMBLE as ENSEMBLE, MODEL as MODEL, POSTERIOR as POSTERIOR, Progress as Progress
 from ._scales import measure_scales as measure_scales, time_scale as time_scale
 
 __all__ = [
     "ENSEMBLE",
     "FEWEST_MEMBERS",
     "MODEL",
+    "POSTERIOR",
     "AbstractPosterior",
     "AbstractScatter",
     "Ensemble",
@@ -39,6 +45,8 @@ __all__ = [
     "ignore",
     "infer_posterior",
     "load_ensemble",
+    "load_laplace",
     "measure_scales",
+    "save_laplace",
     "time_scale",
 ]

@@ -1,6 +1,7 @@
 """How certain a trained model is: the Gauss-Newton matrix at the optimum, and what it says of anything computed."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, final
 
 import equinox as eqx
@@ -16,6 +17,7 @@ from symoden.data import Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
+from symoden.storage import StorageError, load_arrays, save_arrays
 
 from ._config import TrainingConfig
 from ._data import hold_out, levenberg_data
@@ -118,9 +120,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
     """
     config = config or TrainingConfig()
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
-        model = cast(model, float)
-        corrections = freed(model) | (DIRECTIONS if _is_even(model) else 0)
-        restore, theta = Flattening.of(model, corrections=corrections)
+        model, restore, theta = _open_parts(model)
         if not 0 < theta.size <= MOST_PARAMETERS:
             raise ValueError(
                 f"The posterior needs 1 to {MOST_PARAMETERS} free parameters; the model has {theta.size}. "
@@ -142,7 +142,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         objective = data.objective.refined(solver, weighing)
         equations = Linearization.at(restore, theta, objective, data.train).normal_equations()
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)
-        prior = _priors(model, data.train.q[:, 0], max(config.prior, np.finfo(float).eps), corrections)
+        prior = _priors(model, data.train.q[:, 0], max(config.prior, np.finfo(float).eps), restore.corrections)
     factor, effective = _sandwich(
         equations.matrix * equations.residuals.size,
         equations.spread,
@@ -158,6 +158,62 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         factor=factor,
         effective=effective,
     )
+
+
+def save_laplace(path: Path, posterior: Laplace, *, origin: str) -> None:
+    """Write a posterior beside its model.
+
+    Args:
+        path: The file.
+        posterior: The posterior.
+        origin: Names what it was inferred from.
+
+    Raises:
+        StorageError: If it cannot be written.
+    """
+    facts = {"origin": origin, "windows": posterior.windows, "effective": posterior.effective}
+    save_arrays(path, {"theta": posterior.theta, "factor": posterior.factor}, facts)
+
+
+def load_laplace(path: Path, model: AbstractDynamics, *, origin: str) -> Laplace:
+    """Read a posterior.
+
+    Args:
+        path: The file.
+        model: The trained model that it belongs to.
+        origin: Names what it must have been inferred from.
+
+    Returns:
+        The posterior.
+
+    Raises:
+        StorageError: If the file is absent or damaged, or was inferred from something else.
+    """
+    arrays, facts = load_arrays(path)
+    with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
+        _, restore, theta = _open_parts(model)
+    shapes = {name: array.shape for name, array in arrays.items()}
+    told = isinstance(facts, dict) and facts.get("origin") == origin
+    if not told or shapes != {"theta": theta.shape, "factor": 2 * theta.shape}:
+        raise StorageError(f"`{path}` must tell of the run's model, data and settings; it tells of others. Remove it.")
+    return Laplace(
+        restore=restore.lean(theta),
+        theta=arrays["theta"],
+        windows=int(facts["windows"]),
+        factor=arrays["factor"],
+        effective=float(facts["effective"]),
+    )
+
+
+def _open_parts(model: AbstractDynamics) -> tuple[AbstractDynamics, Flattening, Float[Array, " P"]]:
+    """The model in double precision, and what of it the data are asked about.
+
+    Returns:
+        The model, what restores it, and its flat parameters.
+    """
+    model = cast(model, float)
+    corrections = freed(model) | (DIRECTIONS if _is_even(model) else 0)
+    return model, *Flattening.of(model, corrections=corrections)
 
 
 def _is_even(model: AbstractDynamics) -> bool:

@@ -18,6 +18,8 @@ MODEL: Final = "model.safetensors"
 """File of the model in the folder of a run."""
 ENSEMBLE: Final = "ensemble.safetensors"
 """File of the members in the folder of a run."""
+POSTERIOR: Final = "posterior.safetensors"
+"""File of what the data leave open, in the folder of a run."""
 
 
 class Progress(NamedTuple):
