@@ -1,12 +1,13 @@
 """Splitting loses no sample, and what is chosen by is never what is learned from."""
 
+import dataclasses
 import re
 
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.data import DataError, Dataset, Trajectory, halves, segments, split_validation
+from symoden.data import DataError, Dataset, Trajectory, halves, segments, split_validation, validates_by_ends
 
 
 def recording(samples, name="run", start=0.0, initial_samples=1):
@@ -58,6 +59,30 @@ def test_many_recordings_are_held_out_whole_together_with_those_of_the_same_star
     assert sorted(map(id, split.train + split.validation)) == sorted(map(id, train))
     assert not {t.q[0, 0] for t in split.train} & {t.q[0, 0] for t in split.validation}
     assert len(split.validation) == inputs * max(1, round(fraction * states))
+
+
+@pytest.mark.parametrize("rests", [0, 20, 60, 150, 300])
+def test_what_is_held_out_moves_where_a_recording_ends_at_rest(rests):
+    moving = 300 - rests
+    ts = 0.01 * np.arange(300)
+    rates = np.where(np.arange(300) < moving, np.cos(9 * ts), 1e-3 * np.sin(50 * ts))[:, None] * [1.0, 0.0]
+    q = np.cumsum(0.01 * rates, axis=0)
+    whole = Trajectory(name="step", ts=ts, q=q, rates=rates, us=np.zeros((300, 0)))
+    split = split_validation(Dataset(name="step", space="R2", train=(whole,)), 0.15, min_samples=12)
+    (held,) = split.validation
+    assert np.ptp(held.q[:, 0]) > 0.03 or rests == 300
+    assert validates_by_ends(split)
+    # No sample is lost, and at most a quarter of the motion is not learned from.
+    every = sorted((*split.train, held), key=lambda part: part.ts[0])
+    np.testing.assert_array_equal(np.concatenate([part.q for part in every]), q)
+    assert [part.name for part in every] == ["step", "step#tail", "step#rest"][: len(every)]
+    assert sum(np.sum(part.ts < ts[-1] - 0.01 * rests) for part in split.train) >= 0.7 * moving
+    assert len(every) == (3 if rests in (60, 150) else 2)
+    # Beside others whose ends move it keeps its motion.
+    others = [dataclasses.replace(whole, name=name, q=whole.q + 1, rates=whole.rates + 1.0) for name in "ab"]
+    split = split_validation(Dataset(name="step", space="R2", train=(whole, *others)), 0.15, min_samples=12)
+    assert [len(part) for part in split.validation] == [45, 45, 45]
+    assert [len(part) for part in split.train] == [255, 255, 255]
 
 
 def test_given_validation_recordings_stay():

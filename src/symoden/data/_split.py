@@ -15,6 +15,9 @@ from ._trajectory import Trajectory
 
 _SHOWN = 10
 _TAIL = "#tail"  # Of a recording's name, that its end has.
+_REST = "#rest"  # What follows that, where nothing moves any more.
+_AT_REST = 0.1  # Of a recording's root mean square speed.
+_OF_MOTION = 4  # One part in so many of what moves is held out at most, where a recording ends at rest.
 _MANY = 10  # From so many groups on, whole groups are held out rather than the ends of recordings.
 
 
@@ -56,7 +59,8 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
 
     Where there are many, whole trajectories are held out, evenly spread over the data set; those with the same first
     state (one initial condition under several inputs) stay together, since they resemble each other. Of fewer than 10
-    such groups each recording gives its end, unless all are too short for that.
+    such groups each recording gives its end, unless all are too short for that. Where most ends are at
+    rest, as after steps, such a recording gives the end of what moves.
 
     Args:
         dataset: Data set; one that has validation recordings is returned as it is.
@@ -78,7 +82,7 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
     groups: dict[tuple[bytes, bytes], list[Trajectory]] = {}
     for trajectory in dataset.train:
         groups.setdefault((trajectory.q[0].tobytes(), trajectory.rates[0].tobytes()), []).append(trajectory)
-    tails = [_without_tail(trajectory, fraction, min_samples) for trajectory in dataset.train]
+    tails = _without_tails(dataset.train, fraction, min_samples)
     if len(groups) >= _MANY or (len(groups) > 1 and not any(held for _, held in tails)):
         count = max(1, round(fraction * len(groups)))
         held = {int((k + 0.5) * len(groups) / count) for k in range(count)}
@@ -147,13 +151,58 @@ def _lengths(trajectories: Sequence[Trajectory]) -> str:
     return f"{len(lengths)} recording{'' if len(lengths) == 1 else 's'}{of}"
 
 
-def _without_tail(
-    trajectory: Trajectory, fraction: float, min_samples: int
+def _without_tails(
+    trajectories: Sequence[Trajectory], fraction: float, min_samples: int
+) -> list[tuple[list[Trajectory], list[Trajectory]]]:
+    """Split the end off every recording, unless a part would be too short.
+
+    Any model that rests where the mechanism does predicts an end at rest, as recordings of steps have it. Where most
+    ends are such, these recordings give the end of what moves; else they keep all their motion to learn from.
+
+    Returns:
+        For each what is left of it, and what is held out.
+    """
+    held = [_held(trajectory, fraction, min_samples) for trajectory in trajectories]
+    pairs = list(zip(trajectories, held, strict=True))
+    resting = sum(count for trajectory, count in pairs if _moves_until(trajectory, count) <= len(trajectory) - count)
+    return [
+        _cut_off(trajectory, count, max(min_samples, trajectory.initial_samples + 1), at_rest=2 * resting >= sum(held))
+        for trajectory, count in pairs
+    ]
+
+
+def _held(trajectory: Trajectory, fraction: float, min_samples: int) -> int:
+    """Number of samples of a recording's end that are held out."""
+    count = round(fraction * len(trajectory))
+    long = min(count, len(trajectory) - count) >= max(min_samples, trajectory.initial_samples + 1)
+    return count if long else 0
+
+
+def _cut_off(
+    trajectory: Trajectory, count: int, least: int, *, at_rest: bool
 ) -> tuple[list[Trajectory], list[Trajectory]]:
-    """Split the end off a recording, unless a part would be too short."""
-    cut = len(trajectory) - round(fraction * len(trajectory))
-    if min(cut, len(trajectory) - cut) < max(min_samples, trajectory.initial_samples + 1):
+    """Split so many samples off: the last ones, or if that is asked for the last ones before all is at rest.
+
+    Returns:
+        What is left, and what is held out.
+    """
+    if not count:
         return [trajectory], []
-    head = trajectory.cut(0, cut, name=trajectory.name)
-    tail = trajectory.cut(cut, len(trajectory), name=trajectory.name + _TAIL)
-    return [head], [tail]
+    stop, rest = _moves_until(trajectory, count) if at_rest else len(trajectory), []
+    if len(trajectory) - stop >= max(count, least) and stop >= 2 * least:
+        rest = [trajectory.cut(stop, len(trajectory), name=trajectory.name + _REST)]
+        count = max(least, min(count, stop // _OF_MOTION))
+    else:
+        stop = len(trajectory)
+    head = trajectory.cut(0, stop - count, name=trajectory.name)
+    return [head, *rest], [trajectory.cut(stop - count, stop, name=trajectory.name + _TAIL)]
+
+
+def _moves_until(trajectory: Trajectory, count: int) -> int:
+    """Number of samples before all is at rest for good, to a quarter of `count` samples."""
+    usual = np.sqrt(np.mean(trajectory.rates**2, axis=0))
+    block = max(1, count // 4)
+    ends = np.arange(len(trajectory), block - 1, -block)
+    energy = np.concatenate([np.zeros((1, len(usual))), np.cumsum(trajectory.rates**2, axis=0)])
+    speeds = np.sqrt(np.maximum(energy[ends] - energy[ends - block], 0.0) / block)
+    return int(ends[np.argmax((speeds > _AT_REST * usual).any(axis=1))])
