@@ -56,6 +56,22 @@ def test_motion_and_noise_have_none(seed, noise, uneven):
     assert find_spikes(log(q, v, ts), np.array([True])) == ()
 
 
+@given(
+    step=st.floats(0.02, 0.1),
+    speed=st.floats(0.5, 3.0),
+    stops=st.floats(2.05, 2.95),
+    back=st.floats(0.0, 0.2),
+    turn=st.sampled_from([1.0, -1.0]),
+)
+def test_a_sharp_stop_between_rare_samples_is_none(step, speed, stops, back, turn):
+    """A winch whose motor is switched off, and which gives way a little, as a log of ten samples a second had it."""
+    ts = step * np.arange(SIZE)
+    stops, rests = stops * 10 * step, stops * 10 * step + 1.5 * step
+    q = np.interp(ts, [stops - 8 * step, stops, rests], [0.0, speed, speed - back * speed])
+    for each in (q, q[::-1]):
+        assert find_spikes(log(turn * each, np.zeros(SIZE), ts), np.array([False])) == ()
+
+
 @given(seed=st.integers(0, 500), row=st.integers(10, SIZE - 10), kick=st.floats(1.0, 40.0))
 def test_an_impact_is_none(seed, row, kick):
     ts, q, v = swing(seed, noise=1e-5)

@@ -23,6 +23,7 @@ _AROUND: Final = 101  # Samples.
 _SEVERAL: Final = 2 * TURN  # [rad]
 _DEGREES: Final = 360.0  # of a turn
 _SAME: Final = 0.5  # Of the deviation.
+_FAR: Final = 2.0  # Steps.
 _QUANTILE: Final = 0.8
 _NORMAL: Final = 1.2816  # That quantile of the absolute value of a standard normal variable.
 
@@ -110,7 +111,24 @@ def lone_samples(ts: Times, signal: Float[np.ndarray, " T"], role: str) -> tuple
     near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
     off, weights = deviations(ts, signal)
     alone = _spikes(signal, off, weights, coarsest=COARSEST[role])
-    return alone[~near_gap[alone]], off
+    alone = alone[~near_gap[alone] & ~_goes_on(ts, signal, off, alone)]
+    return alone, off
+
+
+def _goes_on(ts: Times, signal: np.ndarray, off: np.ndarray, alone: Int[np.ndarray, " k"]) -> np.ndarray:
+    """Tell samples where a straight motion ends or begins, as a sharp start or stop between rare samples looks.
+
+    Returns:
+        Whether each is such a one.
+    """
+
+    def straight(near: int, far: int) -> np.ndarray:
+        steps = (ts[alone] - ts[alone + near]) / (ts[alone + near] - ts[alone + far])
+        beyond = signal[alone + near] + steps * (signal[alone + near] - signal[alone + far])
+        return np.where(steps < _FAR, beyond, np.inf)  # Of samples close together, noise is all that it shows.
+
+    beside = np.stack([straight(-1, -2), straight(1, 2)])
+    return np.any(np.abs(beside - signal[alone]) < _SAME * np.abs(off[alone]), axis=0)
 
 
 def unwrapped(q: Signals) -> Signals:
