@@ -139,6 +139,19 @@ def test_a_line_that_lacks_a_cell_between_blanks_lacks_all(tmp_path):
     assert find_short_lines(path) == (3, {1: 2}, None)
 
 
+@pytest.mark.parametrize("end", ["]", "];\n", ";]\n\n", "\n];\n", "]\r\n"])
+@pytest.mark.parametrize("begin", ["[", "  [  ", "data = [", "t  q 1\n[", "t  q 1\n\n["])
+@pytest.mark.parametrize("separator", ["  ", "\t", ","])
+def test_a_matrix_as_matlab_writes_it_is_a_table(tmp_path, begin, separator, end):
+    rows = [(0.0, -1.5), (0.1, 2e-3), (0.2, 7.0), (0.3, 0.25)]
+    text = begin.replace("t  q", f"t{separator}q") + ";\n".join(f"{t}{separator}{q}" for t, q in rows) + end
+    names = ("t", "q 1") if "q 1" in begin else ("1", "2")
+    path = written(tmp_path / "run.txt", text.replace("\n", "\r\n") if "\r" in end else text)
+    found = read_rows(path, {"all": names}, ALL).signals["all"]
+    np.testing.assert_array_equal(found[:4], rows)
+    assert np.isnan(found[4:]).all()
+
+
 def test_columns_without_names_have_numbers(tmp_path):
     path = written(tmp_path / "run.dat", "0 1.5\n1 2\n")
     with pytest.raises(

@@ -9,6 +9,7 @@ import numpy as np
 from ._errors import DataError
 from ._facts import Facts
 from ._findings import Finding
+from ._kinematics import delays
 from ._shapes import Positions, Rates, Times
 from ._signals import deviation
 from ._spans import choose_spans
@@ -139,8 +140,11 @@ def _moving(v: np.ndarray) -> np.ndarray:
 
 def _delay(ts: Times, v: np.ndarray, differs: np.ndarray) -> float:
     """The delay that explains a difference [s]; 0 where none explains most of it."""
-    a = np.gradient(v, ts)
+    late = [v + differs - np.interp(ts - delay, ts, v) for delay in delays(ts)]
+    best = int(np.argmin([left @ left for left in late]))
+    # Between those that were tried the difference is a straight line.
+    a = np.interp(ts - delays(ts)[best], ts, np.gradient(v, ts))
     power = float(a @ a)
-    delay = -float(differs @ a) / power if power else 0.0
-    left = differs + delay * a
+    more = -float(late[best] @ a) / power if power else 0.0
+    delay, left = float(delays(ts)[best]) + more, late[best] + more * a
     return delay if delay > 0 and left @ left < (1 - _EXPLAINS) * (differs @ differs) else 0.0

@@ -12,6 +12,8 @@ _LEAST_STEPS, _LEAST_BLOCKS = 4, 8
 _ABOVE = 5.0  # times its uncertainty that a displacement must be, to be compared
 TURN: Final = 2 * np.pi
 AGREES: Final = 0.15  # relative deviation up to which a factor is 1
+_LATEST: Final = 0.1  # [s] that filters delay a velocity by.
+_LESS: Final = 0.5  # Share of the misfit that is left with a delay.
 UNRELATED: Final = 0.5  # misfit beyond which a velocity is not that of the position
 
 
@@ -94,8 +96,8 @@ def velocity_ratio(
 ) -> Ratio:
     """Compare displacements with integrated velocities.
 
-    The factor is that of least absolute deviations, a weighted median, so that jumps of a wrapped angle do not change
-    it; blocks in which one of both does not change at all, at rest or stuck, do not count.
+    Filters of velocities make them late, which beside a fast motion looks like a factor: where both disagree, it is
+    asked whether they agree some time apart.
 
     Args:
         ts: Increasing time stamps [s].
@@ -107,12 +109,50 @@ def velocity_ratio(
     Returns:
         The factor and how well it fits.
     """
+    at_once = _ratio(ts, q, v, longest=longest, accuracy=accuracy)
+    if not at_once.factor > 0 or at_once.agrees:  # Of opposite motions, too, another delay makes the same.
+        return at_once
+    each = (_ratio(ts, q, v, longest=longest, accuracy=accuracy, late=late) for late in delays(ts)[1:])
+    best = min((ratio for ratio in each if ratio.known), key=lambda ratio: ratio.misfit, default=at_once)
+    return best if best.agrees and best.misfit < _LESS * at_once.misfit else at_once
+
+
+def delays(ts: Times) -> np.ndarray:
+    """Delays of velocities that are looked for [s], from zero on: some a sample apart, or ten of them.
+
+    Args:
+        ts: Increasing time stamps [s].
+
+    Returns:
+        The delays.
+    """
+    return np.arange(0.0, _LATEST, max(float(np.median(np.diff(ts))), _LATEST / 10))
+
+
+def _ratio(
+    ts: Times,
+    q: np.ndarray,
+    v: np.ndarray,
+    *,
+    longest: float,
+    accuracy: tuple[Accuracy, Accuracy],
+    late: float = 0.0,
+) -> Ratio:
+    """Compare displacements with velocities some time later.
+
+    The factor is that of least absolute deviations, a weighted median, so that jumps of a wrapped angle do not change
+    it; blocks in which one of both does not change at all, at rest or stuck, do not count.
+
+    Returns:
+        The factor and how well it fits.
+    """
     unknown = Ratio(factor=float("nan"), misfit=float("nan"))
     pairs = blocks(ts, longest=longest)
-    pairs = pairs[_changes(q, pairs) & _changes(v, pairs)]
+    pairs = pairs[_changes(q, pairs) & _changes(v, pairs) & (ts[pairs[:, 1]] + late <= ts[-1])]
     if len(pairs) < _LEAST_BLOCKS:
         return unknown
     way = displacement(ts, v, longest=longest)
+    way = np.interp(ts + late, ts, way) if late else way
     dq, integral = np.diff(q[pairs], axis=1)[:, 0], np.diff(way[pairs], axis=1)[:, 0]
     step = float(np.median(np.diff(ts)))
     size = pairs[0, 1] - pairs[0, 0]

@@ -68,6 +68,8 @@ def find_layout(text: str) -> Layout:
     number, start, first = lines[0]
     separator = _separator(first, after[0][2] if after else "")
     cells = cells_of(first, separator)
+    if separator == " " and after and len(cells) != len(after[0][2].split()):
+        cells = _apart(first)
     named = _named_above(comments, len(cells))
     if _is_row(cells) or (named and (_is_units(cells) or any(map(_is_number, cells)))):
         names = named or [str(i + 1) for i in range(len(cells))]
@@ -154,6 +156,11 @@ def cells_of(line: str, separator: str) -> list[str]:
         return line.split(separator)
 
 
+def _apart(line: str) -> list[str]:
+    """Names of several words each, with two blanks or more between them."""
+    return re.split(r"\s{2,}", line.strip())
+
+
 def _is_number(cell: str) -> bool:
     """Whether a cell is a number."""
     return _NUMBER.fullmatch(cell) is not None
@@ -195,5 +202,5 @@ def _separator(line: str, after: str) -> str:
         if 0 < line.count(found) == after.count(found):
             return found
     found, words = max(",;\t", key=line.count), line.split()
-    agree = len(words) > 1 and (len(words) == len(after.split()) or _is_row(words))
+    agree = len(words) > 1 and (len(after.split()) in {len(words), len(_apart(line))} or _is_row(words))
     return " " if agree and not line.count(found) else found

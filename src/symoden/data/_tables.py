@@ -3,6 +3,7 @@
 import functools
 import gzip
 import itertools
+import re
 import zlib
 from collections.abc import Iterable, Mapping
 from io import BufferedReader
@@ -20,6 +21,9 @@ TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
 """Endings of the names of tables of text, `.gz` apart."""
 _QUOTED: Final = 60  # Characters of a line in a message.
 _UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
+_MATRIX: Final = re.compile(r"^[ \t]*(\w+[ \t]*=[ \t]*)?\[(?=[ \t]*[-+]?[0-9.][^\n;\]]*;?[ \t]*\r?$)", re.MULTILINE)
+_ROW_ENDS: Final = re.compile(r";?[ \t]*\][ \t]*;?(?=\s*\Z)|;[ \t]*(?=\r?$)", re.MULTILINE)
+_BEGINNING: Final = 20_000  # Characters in which a matrix begins.
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
@@ -164,7 +168,14 @@ def _short_lines(path: Path, version: tuple[int, int]) -> Lines:
 
 def _text(path: Path) -> str:
     """Contents of a table of text."""
-    return _decoded(_contents(path))
+    return _without_brackets(_decoded(_contents(path)))
+
+
+def _without_brackets(text: str) -> str:
+    """A matrix as MATLAB writes it, `[1 2; …]` with a row in each line, as lines of numbers."""
+    if (begin := _MATRIX.search(text, 0, _BEGINNING)) is None:
+        return text
+    return text[: begin.start()] + _ROW_ENDS.sub("", text[begin.end() :])
 
 
 def _decoded(contents: bytes) -> str:
