@@ -93,7 +93,8 @@ REFUSED = [
     (('name="slide"', 'name="shoulder"'), "the joint `shoulder` has 2"),
     (('parent link="base"', 'parent link="tool"'), "go round in a circle"),
     (('name="slide"', ""), "every joint must have a name"),
-    (('<axis xyz="0 2 0"/>', '<mimic joint="slide"/>'), "joint `shoulder` must move by itself"),
+    (('<axis xyz="0 2 0"/>', '<mimic joint="slide"/>'), "joint `shoulder` must move by itself; it mimics `slide`"),
+    (('<child link="finger"/>', '<child link="finger"/><mimic joint="slide"/>'), "joint `grip` must move by itself"),
 ]
 
 
@@ -116,6 +117,15 @@ def test_what_is_no_robot_is_refused(urdf, change, message):
 def test_coordinates_must_be_joints_that_move(urdf, joints, message):
     with pytest.raises(ValueError, match=message):
         read_urdf(urdf(), joints=joints)
+
+
+def test_fingers_that_mimic_each_other_stay_at_zero_where_neither_is_a_coordinate(urdf):
+    thumb = '<joint name="thumb" type="continuous"><parent link="tool"/><child link="tip"/><mimic joint="grip"/></joint>'
+    path = urdf(TWO.replace("</robot>", f'<link name="tip"/>{thumb}</robot>'))
+    assert [body.joint for body in read_urdf(path, joints=["shoulder", "slide"]).bodies] == ["shoulder", "slide"]
+    for joints in (None, ["shoulder", "grip"], ["thumb"]):
+        with pytest.raises(ValueError, match=r"joint `thumb` must move by itself; it mimics `grip`\. .* leave both out"):
+            read_urdf(path, joints=joints)
 
 
 @pytest.mark.parametrize("gravity", [[0, -9.81], [0, 0, math.inf]])

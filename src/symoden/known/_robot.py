@@ -66,6 +66,7 @@ class _Joint(NamedTuple):
     child: str
     origin: np.ndarray
     axis: np.ndarray
+    mimics: str
 
 
 def read_urdf(
@@ -175,6 +176,12 @@ def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint]) -> None:
         if count > 1 or kinds.get(name) not in _MOVING:
             got = "twice" if count > 1 else kinds.get(name, "none of that name")
             raise ValueError(f"`joints` must be names of joints that move, once each, of {moving}; `{name}`: {got}.")
+    for joint in tree:
+        if joint.mimics and {joint.name, joint.mimics} & {*chosen}:
+            raise ValueError(
+                f"joint `{joint.name}` must move by itself; it mimics `{joint.mimics}`. Make it fixed, or leave both out "
+                "of `joints`: they then stay at zero."
+            )
     for name, kind in kinds.items():
         if kind not in (*_MOVING, "fixed"):
             raise ValueError(f"joint `{name}` must be fixed, {' or '.join(_MOVING)}; got {kind}. Replace it by these.")
@@ -191,9 +198,9 @@ def _joint(node: ET.Element) -> _Joint:
     kind = node.get("type", "")
     if kind in _MOVING and not length > 0:
         raise ValueError(f"joint `{name}`: its axis must have a length; got zero.")
-    if node.find("mimic") is not None:
-        raise ValueError(f"joint `{name}` must move by itself; it mimics another one. Make it fixed.")
-    return _Joint(name, kind, parent, child, _frame(node, f"joint `{name}`"), direction / (length or 1))
+    mimic = node.find("mimic")
+    mimics = "" if mimic is None else mimic.get("joint", "another one")
+    return _Joint(name, kind, parent, child, _frame(node, f"joint `{name}`"), direction / (length or 1), mimics)
 
 
 def _pseudo_inertia(node: ET.Element) -> np.ndarray:
