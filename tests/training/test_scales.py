@@ -73,6 +73,13 @@ def test_a_short_recording_does_not_shorten_the_windows_of_all(piece, share, lea
     assert alone <= _horizon(beside, share, least) <= 1.5 * alone
 
 
+@given(samples=st.integers(2, 400), omega=st.floats(1.0, 100.0), share=st.floats(0.3, 2.0), least=st.integers(2, 8))
+def test_windows_are_not_cut_shorter_than_they_must_be(samples, omega, share, least):
+    recording = swing(np.arange(samples) * 0.01, omega=omega)
+    horizon = _horizon(Dataset(name="d", space="R1", train=(recording,)), share, least)
+    assert min(least, samples - 1) <= horizon < samples
+
+
 @given(lengths=st.lists(st.integers(2, 500), min_size=1, max_size=20), enough=st.integers(1, 600))
 @settings(deadline=None)
 def test_what_is_left_out_is_little_and_short(lengths, enough):

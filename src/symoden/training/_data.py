@@ -270,7 +270,8 @@ def _horizon(dataset: Dataset, share: float, least: int) -> int:
     wanted = max(least, round(share * time_scale(dataset.train) / step))
     parts = [part for part in (dataset.train, dataset.validation) if part]
     longest = min(_usual_steps(part, 2 * wanted) for part in parts)
-    return max(1, longest // max(1, min(2, longest // least), round(longest / wanted)))
+    most = longest // least  # Windows that are long enough.
+    return max(1, longest // max(1, min(most, max(2, round(longest / wanted)))))
 
 
 def _usual_steps(recordings: Sequence[Trajectory], enough: int) -> int:
