@@ -8,9 +8,16 @@ from symoden.cli._scores import poor, share_of_motion
 from symoden.experiments import RecordingScore, WindowScore
 
 
-def recording(error, motion):
-    window = WindowScore(horizon_s=1.0, median=error, mean=error)
-    return RecordingScore(name="run", split="train", samples=200, window_rmse=window, rollout_rmse=error, motion=motion)
+def recording(error, motion, name="run"):
+    return RecordingScore(
+        name=name,
+        split="train",
+        samples=200,
+        window_rmse=WindowScore(horizon_s=1.0, median=error, mean=error),
+        rollout_rmse=error,
+        motion=motion,
+        in_motion=(error, motion),
+    )
 
 
 @pytest.mark.parametrize(
@@ -36,6 +43,13 @@ def test_predictions_that_diverge_are_not_blamed_on_inputs():
     assert "sign" not in words
     others = poor([recording(0.9, 1.0), recording(math.inf, 1.0), recording(math.nan, math.nan)])
     assert others.startswith(f"{words} Of the others, over 1 s predictions are off by 0.9 where positions move 1, ")
+
+
+def test_recordings_that_alone_are_predicted_badly_are_named():
+    words = poor([recording(0.05, 0.3, "swing"), recording(0.3, 0.03, "rest")])
+    assert words.startswith("over 1 s predictions of `rest` are off by 0.3 where positions move 0.03, in the mean")
+    assert "sign" not in words
+    assert "dry friction" in words
 
 
 def test_errors_are_compared_with_the_motion():

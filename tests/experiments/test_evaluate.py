@@ -136,6 +136,18 @@ def test_scoring_starts_after_the_initial_samples():
     assert score.rollout_rmse == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-9)
 
 
+def test_windows_at_rest_do_not_hide_what_motion_is_predicted_like():
+    ts = 0.05 * np.arange(201)
+    late = np.maximum(ts - 7.9, 0.0)
+    q, rates = 0.3 * (1 - np.cos(4 * late))[:, None], 1.2 * np.sin(4 * late)[:, None]
+    recording = Trajectory(name="kicked", ts=ts, q=q, rates=rates, us=np.zeros((201, 1)))
+    (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(4))
+    assert score.window_rmse.median < 1e-9
+    error, motion = score.in_motion
+    assert 0.2 < motion < 0.6
+    assert 0.05 < error < 1.0
+
+
 def test_lengths_and_angles_are_scored_each_by_itself_too():
     ts = 0.05 * np.arange(31)
     q = np.stack([0.3 * np.sin(3 * ts), 0.1 * np.cos(2 * ts)], axis=1)

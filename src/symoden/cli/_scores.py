@@ -81,9 +81,9 @@ def share_of_motion(recordings: Sequence[RecordingScore]) -> float:
 
 
 def _over_a_second(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore], float, float]:
-    """Those that are as long as a window, the sum of their errors, and of what positions move in that time."""
+    """Those that are as long as a window, the sum of their errors, and of what positions move, while they do."""
     long = [each for each in recordings if math.isfinite(each.motion)]
-    return long, float(sum(each.window_rmse.median for each in long)), float(sum(each.motion for each in long))
+    return long, *(float(sum(each.in_motion[k] for each in long)) for k in (0, 1))
 
 
 def poor(recordings: Sequence[RecordingScore]) -> str:
@@ -95,10 +95,10 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     Returns:
         The words; none where predictions are better, or no recording is as long as a window.
     """
-    lost = [each for each in _over_a_second(recordings)[0] if not math.isfinite(each.window_rmse.median)]
+    lost = [each for each in _over_a_second(recordings)[0] if not math.isfinite(each.in_motion[0])]
     if lost:
         names = first_few((f"`{each.name}`" for each in lost), _FEW)
-        others = poor([each for each in recordings if math.isfinite(each.window_rmse.median)])
+        others = poor([each for each in recordings if math.isfinite(each.in_motion[0])])
         return (
             f"over 1 s most predictions of {names} diverge. The motion may lie outside of what training has seen "
             f"(`symoden inspect` says how far), or the model is a poor one.{others and f' Of the others, {others}'}"
@@ -106,11 +106,22 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     long, error, motion = _over_a_second(recordings)
     if error <= _POOR * motion:
         return ""
+    worst = [each for each in long if each.in_motion[0] > _POOR * each.in_motion[1]]
+    some = len(worst) < len(long)
+    error, motion = (sum(each.in_motion[k] for each in worst) / len(worst) for k in (0, 1))
+    of = f" of {first_few((f'`{each.name}`' for each in worst), _FEW)}" if some else ""
+    said = (
+        f"over 1 s predictions{of} are off by {number(error)} where positions move {number(motion)}, in the mean over "
+        f"{'these' if some else 'the'} recordings while they move: hardly better than standing still."
+    )
+    if some:
+        return (
+            f"{said} The others are predicted better. What differs there? Joints that dry friction holds, another load, "
+            "faster motion, or a region that training has not seen (`symoden inspect` says which) do that."
+        )
     return (
-        f"over 1 s predictions are off by {number(error / len(long))} where positions move "
-        f"{number(motion / len(long))}, in the mean over the recordings: hardly better than standing still. An input "
-        "that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a wrong "
-        "`input_matrix`: `symoden data check` cannot see all of that."
+        f"{said} An input that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a "
+        "wrong `input_matrix`: `symoden data check` cannot see all of that."
     )
 
 

@@ -72,6 +72,8 @@ class RecordingScore:
             unit.
         motion: How far the positions move in such a window, what errors are to be compared with: root mean square of
             their distance from the window's first sample; NaN if there is no window.
+        in_motion: The median error, and the median of how far the positions move, each window counting by the latter:
+            most windows of a recording may be at rest, where any model errs little. NaN if there is no window.
     """
 
     name: str
@@ -81,6 +83,7 @@ class RecordingScore:
     rollout_rmse: float
     coordinates: tuple[float, ...] = ()
     motion: float = np.nan
+    in_motion: tuple[float, float] = (np.nan, np.nan)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,6 +180,8 @@ def _recording_score(
     each = np.sqrt(np.asarray(squares).reshape(-1, n))
     errors = np.sqrt(np.mean(np.square(each), axis=1))
     known = len(errors) > 0
+    moved = np.sqrt([np.mean(square) for square in motion])
+    weights = moved if moved.any() else np.ones(len(moved))
     return RecordingScore(
         name=recording.name,
         split=split,
@@ -189,7 +194,14 @@ def _recording_score(
         rollout_rmse=float(np.sqrt(np.mean(_mean_squares(path.q[first:], recording.q[first:])))),
         coordinates=tuple(np.median(each, axis=0).tolist()) if known else (np.nan,) * n,
         motion=float(np.sqrt(np.mean(motion))) if known else np.nan,
+        in_motion=(_weighted_median(errors, weights), _weighted_median(moved, weights)) if known else (np.nan, np.nan),
     )
+
+
+def _weighted_median(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
+    """The least value up to which half of the weight lies."""
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2)])
 
 
 def predict(
