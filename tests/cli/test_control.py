@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from symoden.cli import _checks, main
+from symoden.cli._control import hardly_moves
 from symoden.control import METHODS
 from symoden.experiments import (
     LEARNED,
@@ -201,6 +202,11 @@ def test_a_length_far_from_the_data_is_no_target(learned_slide):
     with pytest.raises(ValueError, match=r"coordinate 1 got 300, far outside \[-0.56, 0.61\]"):
         learned_machine(learned_slide, [300.0], ranges)
     assert learned_machine(learned_slide, [1.5], ranges).max_input == (2.0,)
+
+
+def test_a_length_that_hardly_moves_is_named():
+    assert hardly_moves("x", 0.006).startswith("`x` goes 0.006 in the training data, where 0.05 from the target counts")
+    assert not hardly_moves("x", 0.5)
 
 
 def test_an_angle_may_be_as_many_turns_away_as_the_data_are():

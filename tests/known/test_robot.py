@@ -120,11 +120,15 @@ def test_coordinates_must_be_joints_that_move(urdf, joints, message):
 
 
 def test_fingers_that_mimic_each_other_stay_at_zero_where_neither_is_a_coordinate(urdf):
-    thumb = '<joint name="thumb" type="continuous"><parent link="tool"/><child link="tip"/><mimic joint="grip"/></joint>'
+    thumb = (
+        '<joint name="thumb" type="continuous"><parent link="tool"/><child link="tip"/><mimic joint="grip"/></joint>'
+    )
     path = urdf(TWO.replace("</robot>", f'<link name="tip"/>{thumb}</robot>'))
     assert [body.joint for body in read_urdf(path, joints=["shoulder", "slide"]).bodies] == ["shoulder", "slide"]
     for joints in (None, ["shoulder", "grip"], ["thumb"]):
-        with pytest.raises(ValueError, match=r"joint `thumb` must move by itself; it mimics `grip`\. .* leave both out"):
+        with pytest.raises(
+            ValueError, match=r"joint `thumb` must move by itself; it mimics `grip`\. .* leave both out"
+        ):
             read_urdf(path, joints=joints)
 
 

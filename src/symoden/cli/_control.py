@@ -4,12 +4,12 @@ import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
+from typing import Final, cast
 
 import numpy as np
 
 from symoden.blocks import without_silent
-from symoden.control import Loop, Method
+from symoden.control import Loop, Method, Tolerance
 from symoden.experiments import (
     LEARNED,
     ControlConfig,
@@ -31,6 +31,8 @@ from ._arguments import Control
 from ._figure import save_figure
 from ._output import number, print_json, print_table
 from ._words import name_unfinished
+
+_TIMES: Final = 4  # As far as the tolerance is what tells nothing.
 
 
 def run(command: Control) -> None:
@@ -75,7 +77,33 @@ def _learned(
     """The model in place of its machine, and the others of its ensemble, to be tried on."""
     ensemble = read_ensemble(command.run, model, config)
     plants = () if ensemble is None else tuple(map(without_silent, ensemble.models()))
-    return learned_machine(without_silent(model), command.target, config.data.ranges), plants
+    machine, data = learned_machine(without_silent(model), command.target, config.data.ranges), config.data
+    for name, (low, high), angle in zip(
+        data.position_names, data.ranges.positions, machine.system.space.is_angle, strict=True
+    ):
+        if said := "" if angle else hardly_moves(name, high - low):
+            print(f"warning: {said}", file=sys.stderr)
+    return machine, plants
+
+
+def hardly_moves(name: str, way: float) -> str:
+    """What to say of a length that hardly goes as far as what counts as being at the target.
+
+    Args:
+        name: Its name.
+        way: How far it goes in the training data.
+
+    Returns:
+        The words; none where it goes farther.
+    """
+    near = Tolerance().position
+    if way >= _TIMES * near:
+        return ""
+    return (
+        f"`{name}` goes {number(way)} in the training data, where {near:g} from the target counts as being there and "
+        "episodes begin up to 0.5 away: successes mean little. Give lengths in a smaller unit, as a factor under "
+        "`units`, and train anew."
+    )
 
 
 def _tell(text: str) -> None:

@@ -83,7 +83,7 @@ def share_of_motion(recordings: Sequence[RecordingScore]) -> float:
 def _over_a_second(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore], float, float]:
     """Those that are as long as a window, the sum of their errors, and of what positions move, while they do."""
     long = [each for each in recordings if math.isfinite(each.motion)]
-    return long, *(float(sum(each.in_motion[k] for each in long)) for k in (0, 1))
+    return long, float(sum(each.in_motion[0] for each in long)), float(sum(each.in_motion[1] for each in long))
 
 
 def poor(recordings: Sequence[RecordingScore]) -> str:
@@ -116,8 +116,8 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     )
     if some:
         return (
-            f"{said} The others are predicted better. What differs there? Joints that dry friction holds, another load, "
-            "faster motion, or a region that training has not seen (`symoden inspect` says which) do that."
+            f"{said} The others are predicted better. What differs there? Joints that dry friction holds, another "
+            "load, faster motion, or a region that training has not seen (`symoden inspect` says which) do that."
         )
     return (
         f"{said} An input that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a "

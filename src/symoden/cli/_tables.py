@@ -1,12 +1,15 @@
 """What a model learned, as lines and tables."""
 
 from collections.abc import Collection, Iterator, Sequence
+from typing import Final
 
 from symoden.experiments import Certainty, Inspection, Profile, RunConfig
 from symoden.spaces import Space
 
 from ._output import TableText, number
 from ._words import size_words
+
+_ROUNDING: Final = 1e-12
 
 
 def facts(found: Inspection) -> Iterator[tuple[str, str]]:
@@ -73,7 +76,9 @@ def _banded(value: float, half_width: float | None) -> str:
     Returns:
         The text.
     """
-    return number(value) if half_width is None else f"{number(value)} ± {half_width:.2g}"
+    # Where only ratios are known, M is the unit of the rest, and what is left of its band is rounding.
+    known = half_width is None or half_width <= _ROUNDING * abs(value)
+    return number(value) if known else f"{number(value)} ± {half_width:.2g}"
 
 
 def _profile_tables(

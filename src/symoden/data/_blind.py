@@ -225,8 +225,9 @@ def _columns(
     rounded = max(counts(q, COARSEST["positions"]) for _, q in paths) / 2
     loud, coarse = np.full((2, len(joined)), np.nan)
     tiny = np.finfo(float).tiny
-    loud[order] = joined[order] / np.maximum(_usual(joined[order]), max(rounded, tiny))
-    coarse[order] = joined[order] / np.maximum(step[order], tiny)
+    with np.errstate(over="ignore"):  # Beside exact samples a wrong one stands out without bound.
+        loud[order] = joined[order] / np.maximum(_usual(joined[order]), max(rounded, tiny))
+        coarse[order] = joined[order] / np.maximum(step[order], tiny)
     parts = zip(places, np.split(loud, ends), np.split(coarse, ends), strict=True)
     return [_Column(places=p, loud=x, coarse=y) for p, x, y in parts]
 

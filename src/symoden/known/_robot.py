@@ -179,8 +179,8 @@ def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint]) -> None:
     for joint in tree:
         if joint.mimics and {joint.name, joint.mimics} & {*chosen}:
             raise ValueError(
-                f"joint `{joint.name}` must move by itself; it mimics `{joint.mimics}`. Make it fixed, or leave both out "
-                "of `joints`: they then stay at zero."
+                f"joint `{joint.name}` must move by itself; it mimics `{joint.mimics}`. Make it fixed, or leave both "
+                "out of `joints`: they then stay at zero."
             )
     for name, kind in kinds.items():
         if kind not in (*_MOVING, "fixed"):
