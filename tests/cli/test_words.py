@@ -2,7 +2,7 @@
 
 import pytest
 
-from symoden.cli._words import band_words, certainty_words
+from symoden.cli._words import band_words, certainty_words, hardly_judged
 from symoden.experiments import BandScore, Certainty
 
 
@@ -67,3 +67,12 @@ def test_bands_that_miss_many_positions_are_called_too_narrow(coverage, narrow):
     assert words.startswith("90% bands over windows of 0.97 s cover")
     assert f"cover {coverage:.1%} of the positions of the test recordings" in words
     assert ("the bands are too narrow here" in words) == narrow
+
+
+def test_what_few_windows_refused_is_named():
+    refused = "not kept (validation loss 0.2, before 0.3: +0.90 standard errors of {}, more than +1.64 wanted)"
+    kept = refused.format("2 windows").removeprefix("not ")
+    verdicts = {"potential": refused.format("1 window"), "friction": kept, "growth": refused.format("2 windows")}
+    assert hardly_judged(verdicts).startswith("hardly any windows of validation refused potential, growth: longer or")
+    many = refused.replace(" of {}", "")
+    assert not hardly_judged({"friction": kept, "growth": many, "refit": "skipped (free already)"})

@@ -27,7 +27,7 @@ from ._arguments import Train
 from ._output import print_json
 from ._progress import show_progress
 from ._scores import report_scores
-from ._words import ensemble_words, size_words
+from ._words import ensemble_words, hardly_judged, size_words
 
 _POOR: Final = 0.3  # Loss relative to the motion from which it is worth a word.
 _GOOD: Final = 0.25  # Share of the motion that predictions over a second are off by, whatever a few windows say.
@@ -78,6 +78,8 @@ def run(command: Train) -> None:
             words = ensemble_words(len(result.ensemble.members), result.ensemble.tried)
             enough = len(result.ensemble.members) >= FEWEST_MEMBERS
             print(f"{words}; {'how they scatter makes the bands' if enough else 'too few for bands'}")
+        if words := hardly_judged(result.verdicts):
+            print(words)
         print(f"the run is in {command.out}")
 
 
