@@ -270,6 +270,16 @@ def test_what_never_moves_cannot_be_learned(tmp_path):
     assert found(written(tmp_path, log, arm(1))) == []
 
 
+def test_an_input_that_was_switched_on_before_anything_moved_tells_nothing(tmp_path):
+    log = arm()
+    log[:, 5] = np.where(np.arange(len(log)) < 2, 0.0, 0.5)
+    assert found(written(tmp_path, log)) == [("idle", "warning", "u1")]
+    (said,) = [finding for finding in check_dataset(tmp_path / "arm.toml").findings if finding.kind == "idle"]
+    assert "hardly ever changes" in said.text
+    log[300:320, 5] = 0.0
+    assert found(written(tmp_path, log)) == []
+
+
 @pytest.mark.parametrize("rate", [0.0, 0.5])
 def test_a_log_of_constants_is_refused_and_why_is_said_once(tmp_path, rate):
     log = np.repeat(arm(samples=500, jitter=0.0)[:1], 500, axis=0)

@@ -31,6 +31,8 @@ from ._uneven import find_uneven
 from ._unreadable import Unreadable, without_unreadable
 from ._zeros import find_counted_zeros
 
+_ONCE = 2  # Samples of a recording in which an input that hardly ever changes has another value.
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordingCheck:
@@ -253,7 +255,7 @@ def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:
     train = [check.channels for check in checks if check.log.part == "train" and check.channels]
     if all(map(stands_still, train)):
         return []  # Each recording says so.
-    found = []
+    found, logs = [], [check.log for check in checks if check.log.part == "train" and check.channels]
     for facts in zip(*train, strict=True):
         name = facts[0].name
         if facts[0].role == "position" and all(is_idle(one) for one in facts):
@@ -261,12 +263,19 @@ def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:
                 f"`{name}` moves in no training recording: its inertia, friction and energy cannot be learned",
                 "Record motions of this joint, or leave it out of the description if it is locked.",
             )
-        elif facts[0].role == "input" and max(one.maximum for one in facts) == min(one.minimum for one in facts):
+        elif facts[0].role == "input" and (other := _uncommon(name, logs)) <= _ONCE * len(logs):
             text, advice = (
-                f"`{name}` never changes in a training recording: what it does cannot be learned",
-                "Record motions under this input, leave it out if it is not connected, or give `input_matrix`.",
+                f"`{name}` {'hardly ever' if other else 'never'} changes in a training recording: what it does "
+                "cannot be told from a part of V, nor M, V and D but for a factor, even if `input_matrix` is given",
+                "Record motions while this input changes, or leave it out if it is not connected.",
             )
         else:
             continue
         found.append(Finding(kind="idle", level="warning", channel=name, text=text, advice=advice))
     return found
+
+
+def _uncommon(name: str, logs: Sequence[Log]) -> int:
+    """Number of samples of an input that have another value than the commonest."""
+    values = np.concatenate([log.us[log.complete, log.names["inputs"].index(name)] for log in logs])
+    return len(values) - int(np.unique(values, return_counts=True)[1].max(initial=0))
