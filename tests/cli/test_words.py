@@ -2,8 +2,8 @@
 
 import pytest
 
-from symoden.cli._words import band_words, certainty_words, hardly_judged
-from symoden.experiments import BandScore, Certainty
+from symoden.cli._words import audit_words, band_words, certainty_words, hardly_judged
+from symoden.experiments import Audit, BandScore, Certainty
 
 
 @pytest.mark.parametrize(("apart", "said"), [({"M": 0.01, "V": 0.02, "D": 0.2}, True), ({"M": 0.08, "V": 0.02}, False)])
@@ -76,3 +76,19 @@ def test_what_few_windows_refused_is_named():
     assert hardly_judged(verdicts).startswith("hardly any windows of validation refused potential, growth: longer or")
     many = refused.replace(" of {}", "")
     assert not hardly_judged({"friction": kept, "growth": many, "refit": "skipped (free already)"})
+
+
+@pytest.mark.parametrize(("residual", "said"), [(0.02, False), (0.24, False), (0.3, True), (float("nan"), True)])
+def test_energy_that_is_not_accounted_for_is_named(residual, said):
+    audit = Audit(
+        recordings=2,
+        rollouts=2,
+        diverged=0,
+        rollout_violation=1e-6,
+        log_residual_median=residual,
+        log_residual_max=0.7,
+        inverse_mass_min=1.0,
+        dissipation_min=0.0,
+        outside=0.0,
+    )
+    assert any("more than 25% of the energy" in line for line in audit_words("test", audit, "")) == said

@@ -14,6 +14,7 @@ _NONE: Final = 1e-6  # Relative width of a band that is none.
 _MOSTLY: Final = 0.7  # Half of the variance.
 _UNKNOWN: Final = 10.0
 _MISSED: Final = 0.1  # Share of positions that bands may miss beyond what they say, before it is worth a word.
+_UNBALANCED: Final = 0.25  # Residual of the energy balance; 0.02 on arms that are predicted well.
 _HARDLY_ANY: Final = re.compile(r"standard errors of \d+ windows?")  # As verdicts have it where these are few.
 _DIAGONAL: Final = re.compile(r"M\[(\d+), \1\]")
 
@@ -202,6 +203,11 @@ def audit_words(split: str, result: Audit | None, missing: str) -> Iterator[str]
         "residual of the energy balance along recordings, relative: "
         f"median {number(result.log_residual_median)}, largest {number(result.log_residual_max)}"
     )
+    if result.log_residual_median is not None and not result.log_residual_median < _UNBALANCED:
+        yield (
+            f"more than {_percent(_UNBALANCED)} of the energy that passes through is not accounted for: what was "
+            "learned of M, V, g and D, or the velocities as they were measured, cannot be relied on, whatever bands say"
+        )
     yield f"least eigenvalue of inv(M): {number(result.inverse_mass_min)}, of D: {number(result.dissipation_min)}"
 
 
