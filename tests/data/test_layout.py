@@ -31,8 +31,11 @@ LAYOUTS = [
     ("t q u\n0 1 2\n0.1 1\n0.2 1\n0.3 1\n0.4 1 2\n", ["t", "q", "u"], 2),
     ("t,q,mode\n" + "0.1,1,run\n" * 9 + "0.1,1\n" * 9, ["t", "q", "mode"], 2),
     ("t q\n1 0.1 2\n2 0.2 2\n3 0.3 2\n4 0.4 2\n", ["t q"], 2),  # As R writes it: refused by its line.
-    (" Time   Encoder 1 Pos   Effort\n\n0 1 2\n1 2 3\n2 3 4\n", ["Time", "Encoder 1 Pos", "Effort"], 3),
+    (" Time   Encoder 1 Pos   Effort\n\n0 1 2\n1 2 3\n2 3 4\n3 4 5\n", ["Time", "Encoder 1 Pos", "Effort"], 3),
     (" Time   Encoder 1   Effort\n s   counts   V\n0 1 2\n1 2 3\n", ["Time", "Encoder 1", "Effort"], 3),
+    (" Time   Encoder 1   Effort\n s   counts   V\n" + "0 1 2\n1 2 3\n" * 3, ["Time", "Encoder 1", "Effort"], 3),
+    ("% Time   Encoder 1 Pos   Effort\n" + "0 1 2\n1 2 3\n" * 3, ["Time", "Encoder 1 Pos", "Effort"], 2),
+    ("0.0 1.5 2.5\n0.1 1.5\n0.2 1 2\n", ["1", "2", "3"], 1),
     ("q\n0,5\n0,6\n0,7\n0,8\n", ["q"], 2),
     ("Boot\nt,q,u\n0,err,1\n0.1,2,3\n0.2,2,3\n0.3,2,3\n", ["t", "q", "u"], 3),
     ("Boot\nt,q,u\n,,\n0.1,2,3\n0.2,2,3\n0.3,2,3\n", ["t", "q", "u"], 3),

@@ -140,7 +140,7 @@ def test_a_line_that_lacks_a_cell_between_blanks_lacks_all(tmp_path):
 
 
 @pytest.mark.parametrize("end", ["]", "];\n", ";]\n\n", "\n];\n", "]\r\n"])
-@pytest.mark.parametrize("begin", ["[", "  [  ", "data = [", "t  q 1\n[", "t  q 1\n\n["])
+@pytest.mark.parametrize("begin", ["[", "  [  ", "data = [", "data = [\n", "t  q 1\n[", "t  q 1\n\n["])
 @pytest.mark.parametrize("separator", ["  ", "\t", ","])
 def test_a_matrix_as_matlab_writes_it_is_a_table(tmp_path, begin, separator, end):
     rows = [(0.0, -1.5), (0.1, 2e-3), (0.2, 7.0), (0.3, 0.25)]

@@ -4,14 +4,17 @@ import dataclasses
 from types import SimpleNamespace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from symoden.data import Trajectory
 from symoden.experiments import Ranges, anchor, audit, inspect_model, simulate, task
 from symoden.experiments._inspect import units
-from symoden.integrate import RK4
+from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
+from symoden.systems import Pendulum
 
 PLAIN = BlockConfig(constant=True)
 SMALL = {"inverse_mass": PLAIN, "potential": BlockConfig(hidden=(4,)), "flow": (8,), "energy": (8,)}
@@ -143,3 +146,17 @@ def test_blocks_have_units_where_something_fixes_the_scale(space, expected):
 @pytest.mark.parametrize("kind", ["dissipative", "unstructured", "symoden"])
 def test_a_known_input_matrix_fixes_the_scale(kind):
     assert anchor(small(kind, "R1 T1", input_matrix=np.array([[1.0], [0.0]]))) == "input_matrix given"
+
+
+@pytest.mark.parametrize("damping", [0.15, 0.5])
+def test_noise_at_rest_is_no_error_of_the_model(damping):
+    """Of a swing that has died down long before its end."""
+    system = Pendulum(damping=damping)
+    ts, us = 0.01 * np.arange(6001.0), np.zeros((6001, 1))
+    path = rollout(system, jnp.array([1.2]), jnp.zeros(1), jnp.asarray(ts), jnp.asarray(us))
+    noise = np.random.default_rng(0).normal(size=(2, 6001, 1))
+    q, rates = np.asarray(path.q) + 1e-4 * noise[0], np.asarray(path.rates) + 1e-3 * noise[1]
+    log = Trajectory(name="decay", ts=ts, q=q, rates=rates, us=us)
+    found = audit(system, [log], ranges=Ranges.of([log]), hold="zero", solver=RK4(4))
+    assert found.log_residual_median is not None
+    assert found.log_residual_median < 0.1

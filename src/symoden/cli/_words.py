@@ -203,7 +203,7 @@ def audit_words(split: str, result: Audit | None, missing: str) -> Iterator[str]
         "residual of the energy balance along recordings, relative: "
         f"median {number(result.log_residual_median)}, largest {number(result.log_residual_max)}"
     )
-    if result.log_residual_median is not None and not result.log_residual_median < _UNBALANCED:
+    if result.log_residual_median is not None and result.log_residual_median > _UNBALANCED:
         yield (
             f"more than {_percent(_UNBALANCED)} of the energy that passes through is not accounted for: what was "
             "learned of M, V, g and D, or the velocities as they were measured, cannot be relied on, whatever bands say"

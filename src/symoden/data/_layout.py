@@ -68,8 +68,8 @@ def find_layout(text: str) -> Layout:
     number, start, first = lines[0]
     separator = _separator(first, after[0][2] if after else "")
     cells = cells_of(first, separator)
-    if separator == " " and after and len(cells) != len(after[0][2].split()):
-        cells = _apart(first)
+    if separator == " " and after and not _is_row(cells):
+        cells = _named(first, separator, len(after[0][2].split()))
     named = _named_above(comments, len(cells))
     if _is_row(cells) or (named and (_is_units(cells) or any(map(_is_number, cells)))):
         names = named or [str(i + 1) for i in range(len(cells))]
@@ -99,7 +99,7 @@ def _without_prose(lines: list[tuple[int, int, str]]) -> list[tuple[int, int, st
         columns = len(rows[0])
         if columns < 2 or not all(len(cells) == columns and all(map(_is_value, cells)) for cells in rows):
             continue
-        above = [_filled(cells_of(text, separator)) for _, _, text in lines[:k]]
+        above = [_filled(_named(text, separator, columns)) for _, _, text in lines[:k]]
         named = [len(cells) >= columns and not any(cell and _is_value(cell) for cell in cells) for cells in above]
         if named[0] or (not any(named) and len(above[-1]) > 1):
             return lines
@@ -157,8 +157,14 @@ def cells_of(line: str, separator: str) -> list[str]:
 
 
 def _apart(line: str) -> list[str]:
-    """Names of several words each, with two blanks or more between them."""
+    """Cells of several words each, with two blanks or more between them."""
     return re.split(r"\s{2,}", line.strip())
+
+
+def _named(line: str, separator: str, columns: int) -> list[str]:
+    """Cells of a line that may name columns: of several words each, if they are as many as the columns only then."""
+    cells = cells_of(line, separator)
+    return cells if separator != " " or len(cells) == columns or len(_apart(line)) != columns else _apart(line)
 
 
 def _is_number(cell: str) -> bool:
@@ -188,7 +194,7 @@ def _is_units(cells: Sequence[str]) -> bool:
 def _named_above(comments: Sequence[str], columns: int) -> list[str]:
     """Names that the last comment with as many words as there are columns gives them; none if there is no such."""
     for comment in reversed(comments):
-        cells = cells_of(comment, _separator(comment, comment))
+        cells = _named(comment, _separator(comment, comment), columns)
         if len(cells) == columns and not _is_units(cells) and not _is_row(cells):
             return cells
     return []

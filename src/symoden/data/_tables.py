@@ -21,7 +21,9 @@ TEXTS: Final = (".csv", ".txt", ".tsv", ".dat")
 """Endings of the names of tables of text, `.gz` apart."""
 _QUOTED: Final = 60  # Characters of a line in a message.
 _UTF_16: Final = (b"\xff\xfe", b"\xfe\xff")
-_MATRIX: Final = re.compile(r"^[ \t]*(\w+[ \t]*=[ \t]*)?\[(?=[ \t]*[-+]?[0-9.][^\n;\]]*;?[ \t]*\r?$)", re.MULTILINE)
+_MATRIX: Final = re.compile(
+    r"^[ \t]*(\w+[ \t]*=[ \t]*)?\[(?=\s*[-+]?(?:[0-9.]|nan\b|inf\b)[^\n;\]]*;?[ \t]*\r?$)", re.MULTILINE | re.IGNORECASE
+)
 _ROW_ENDS: Final = re.compile(r";?[ \t]*\][ \t]*;?(?=\s*\Z)|;[ \t]*(?=\r?$)", re.MULTILINE)
 _BEGINNING: Final = 20_000  # Characters in which a matrix begins.
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)

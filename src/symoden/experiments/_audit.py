@@ -37,7 +37,8 @@ class Audit:
         diverged: How many of these diverged.
         rollout_violation: Largest relative violation of Ḣ = yᵀu − vᵀDv along them: the integrator's error.
         log_residual_median: Median over stretches of the recordings of the largest relative residual of the energy
-            balance of the measured states: the model's error.
+            balance of the measured states: the model's error. A stretch counts by the energy that was on the move in
+            it: at rest there is noise alone.
         log_residual_max: The largest of them.
         inverse_mass_min: Smallest eigenvalue of M⁻¹ at the measured states.
         dissipation_min: Smallest eigenvalue of D there.
@@ -101,13 +102,13 @@ def audit(
     logs = [
         log for _, log in in_batches(lambda b: _logs(lean, b, HOLDS[hold]), pieces(trajectories, _PIECE), samples=16384)
     ]
-    residuals = [float(log.residual) for log in logs]
+    residuals, moved = ([float(getattr(log, name)) for log in logs] for name in ("residual", "moved"))
     return Audit(
         recordings=len(trajectories),
         rollouts=len(starts),
         diverged=len(violations) - len(finite),
         rollout_violation=float(finite.max()) if finite.size else None,
-        log_residual_median=float(np.median(residuals)),
+        log_residual_median=float(np.quantile(residuals, 0.5, weights=moved, method="inverted_cdf")),
         log_residual_max=max(residuals),
         inverse_mass_min=min(float(log.inverse_mass) for log in logs),
         dissipation_min=min(float(log.dissipation) for log in logs),
@@ -134,7 +135,7 @@ def _violations(
         nothing = jnp.zeros((), start.dtype)
         samples = (segment.ts[:-1], segment.ts[1:], *hold(segment.us))
         _, (states, energies) = jax.lax.scan(step, (start, _Energies(nothing, nothing, nothing)), samples)
-        return _relative(model, jnp.concatenate([start[None], states]), energies)
+        return _balance(model, jnp.concatenate([start[None], states]), energies)[0]
 
     return jax.vmap(one)(batch)
 
@@ -143,6 +144,7 @@ class _Log(NamedTuple):
     """What a stretch of a recording says."""
 
     residual: Float[Array, "*B"]
+    moved: Float[Array, "*B"]
     inverse_mass: Float[Array, "*B"]
     dissipation: Float[Array, "*B"]
 
@@ -163,8 +165,10 @@ def _logs(model: AbstractPortHamiltonian, batch: Segment, hold: Hold) -> _Log:
         states = jax.vmap(model.encode)(segment.q, segment.rates)
         gained = jax.vmap(interval)(states[:-1], states[1:], jnp.diff(segment.ts), *hold(segment.us))
         inverse_mass = jax.vmap(model.inverse_mass_matrix)(segment.q)
+        residual, moved = _balance(model, states, jax.tree.map(jnp.cumsum, gained))
         return _Log(
-            residual=_relative(model, states, jax.tree.map(jnp.cumsum, gained)),
+            residual=residual,
+            moved=moved,
             inverse_mass=jnp.min(jnp.linalg.eigvalsh(inverse_mass)),
             dissipation=jnp.min(jnp.linalg.eigvalsh(jax.vmap(lambda x: _dissipation(model, x))(states))),
         )
@@ -185,8 +189,12 @@ def _dissipation(model: AbstractPortHamiltonian, state: State) -> Float[Array, "
     return model.dissipation_matrix(q, jax.grad(model.hamiltonian, argnums=1)(q, p))
 
 
-def _relative(model: AbstractPortHamiltonian, states: Float[Array, "T s"], energies: _Energies) -> Scalar:
-    """Largest difference between the energy's change and its balance, relative to the energy that was on the move."""
+def _balance(model: AbstractPortHamiltonian, states: Float[Array, "T s"], energies: _Energies) -> tuple[Scalar, Scalar]:
+    """Largest difference between the energy's change and its balance, relative to the energy that was on the move.
+
+    Returns:
+        That, and the energy that was on the move [J], above zero.
+    """
 
     def energy(state: State) -> tuple[Scalar, Scalar]:
         q, p = jnp.split(state, 2)
@@ -195,8 +203,8 @@ def _relative(model: AbstractPortHamiltonian, states: Float[Array, "T s"], energ
 
     total, kinetic = jax.vmap(energy)(states)
     residual = total[1:] - total[0] - energies.supplied + energies.dissipated
-    moved = energies.throughput[-1] + jnp.max(kinetic) - jnp.min(kinetic)
-    return jnp.max(jnp.abs(residual)) / (moved + jnp.finfo(moved.dtype).tiny)
+    moved = energies.throughput[-1] + jnp.max(kinetic) - jnp.min(kinetic) + jnp.finfo(total.dtype).tiny
+    return jnp.max(jnp.abs(residual)) / moved, moved
 
 
 def _rest_energy(model: AbstractPortHamiltonian, q: Coordinates) -> Scalar:

@@ -181,7 +181,7 @@ def _recording_score(
     errors = np.sqrt(np.mean(np.square(each), axis=1))
     known = len(errors) > 0
     moved = np.sqrt([np.mean(square) for square in motion])
-    weights = moved if moved.any() else np.ones(len(moved))
+    weights = moved + np.finfo(float).tiny
     return RecordingScore(
         name=recording.name,
         split=split,
@@ -194,14 +194,13 @@ def _recording_score(
         rollout_rmse=float(np.sqrt(np.mean(_mean_squares(path.q[first:], recording.q[first:])))),
         coordinates=tuple(np.median(each, axis=0).tolist()) if known else (np.nan,) * n,
         motion=float(np.sqrt(np.mean(motion))) if known else np.nan,
-        in_motion=(_weighted_median(errors, weights), _weighted_median(moved, weights)) if known else (np.nan, np.nan),
+        in_motion=(_middle(errors, weights), _middle(moved, weights)) if known else (np.nan, np.nan),
     )
 
 
-def _weighted_median(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
-    """The least value up to which half of the weight lies."""
-    order = np.argsort(values)
-    return float(values[order][np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2)])
+def _middle(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
+    """Median of weighted values."""
+    return float(np.quantile(values, 0.5, weights=weights, method="inverted_cdf"))
 
 
 def predict(
