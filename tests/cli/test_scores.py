@@ -50,6 +50,9 @@ def test_recordings_that_alone_are_predicted_badly_are_named():
     assert words.startswith("over 1 s predictions of `rest` are off by 0.3 where positions move 0.03, in the mean")
     assert "sign" not in words
     assert "dry friction" in words
+    resting = [recording(1e-4, 1e-4, f"rest {k}") for k in range(5)]
+    words = poor([*resting, recording(0.3, 0.3, "bad"), recording(0.02, 0.03, "good"), recording(0.9, 0.9, "worst")])
+    assert words.startswith("over 1 s predictions of `worst`, `bad` are off by 0.6 where positions move 0.6, in the")
 
 
 def test_errors_are_compared_with_the_motion():

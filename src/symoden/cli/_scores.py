@@ -26,6 +26,7 @@ from ._output import TableText, number, print_table
 
 _ERRORS = ("train", "test", "prediction")
 _FEW = 4  # Coordinates that have a column each.
+_AS_BAD: Final = 0.1  # Share of the largest error.
 _POOR: Final = 0.5  # Share of the way that positions go in a second.
 
 
@@ -106,7 +107,9 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     long, error, motion = _over_a_second(recordings)
     if error <= _POOR * motion:
         return ""
-    worst = [each for each in long if each.in_motion[0] > _POOR * each.in_motion[1]]
+    worst = sorted(long, key=lambda each: -each.in_motion[0])
+    least = _AS_BAD * worst[0].in_motion[0]  # At rest hardly anything is better than standing still.
+    worst = [each for each in worst if each.in_motion[0] > max(_POOR * each.in_motion[1], least)]
     some = len(worst) < len(long)
     error, motion = (sum(each.in_motion[k] for each in worst) / len(worst) for k in (0, 1))
     of = f" of {first_few((f'`{each.name}`' for each in worst), _FEW)}" if some else ""

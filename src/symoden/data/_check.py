@@ -31,7 +31,7 @@ from ._uneven import find_uneven
 from ._unreadable import Unreadable, without_unreadable
 from ._zeros import find_counted_zeros
 
-_ONCE = 2  # Samples of a recording in which an input that hardly ever changes has another value.
+_ENDS = 2  # First and last rows of a recording, in which inputs are switched on and off.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -263,11 +263,11 @@ def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:
                 f"`{name}` moves in no training recording: its inertia, friction and energy cannot be learned",
                 "Record motions of this joint, or leave it out of the description if it is locked.",
             )
-        elif facts[0].role == "input" and (other := _uncommon(name, logs)) <= _ONCE * len(logs):
+        elif facts[0].role == "input" and (same := _is_constant(name, logs)):
             text, advice = (
-                f"`{name}` {'hardly ever' if other else 'never'} changes in a training recording: what it does "
-                "cannot be told from a part of V, nor M, V and D but for a factor, even if `input_matrix` is given",
-                "Record motions while this input changes, or leave it out if it is not connected.",
+                f"`{name}` {same} changes in a training recording: what it does cannot be learned, or told from V",
+                "Record motions while this input changes, or leave it out if it is not connected. `input_matrix` alone "
+                "does not help: a constant force is part of V, and fixes the scale of nothing.",
             )
         else:
             continue
@@ -275,7 +275,10 @@ def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:
     return found
 
 
-def _uncommon(name: str, logs: Sequence[Log]) -> int:
-    """Number of samples of an input that have another value than the commonest."""
-    values = np.concatenate([log.us[log.complete, log.names["inputs"].index(name)] for log in logs])
-    return len(values) - int(np.unique(values, return_counts=True)[1].max(initial=0))
+def _is_constant(name: str, logs: Sequence[Log]) -> str:
+    """Whether an input keeps one value: "never" or, where it has another in some first or last rows, "hardly ever"."""
+    inputs = [log.us[log.complete, log.names["inputs"].index(name)] for log in logs]
+    if len(np.unique(np.concatenate(inputs))) <= 1:
+        return "never"
+    within = np.concatenate([each[_ENDS : len(each) - _ENDS] for each in inputs])
+    return "hardly ever" if len(np.unique(within)) == 1 else ""

@@ -24,6 +24,7 @@ _SEVERAL: Final = 2 * TURN  # [rad]
 _DEGREES: Final = 360.0  # of a turn
 _SAME: Final = 0.5  # Of the deviation.
 _FAR: Final = 2.0  # Steps.
+_LINE: Final = 0.25  # Of the deviation, by which samples may be off a straight line.
 _QUANTILE: Final = 0.8
 _NORMAL: Final = 1.2816  # That quantile of the absolute value of a standard normal variable.
 
@@ -122,13 +123,23 @@ def _goes_on(ts: Times, signal: np.ndarray, off: np.ndarray, alone: Int[np.ndarr
         Whether each is such a one.
     """
 
-    def straight(near: int, far: int) -> np.ndarray:
-        steps = (ts[alone] - ts[alone + near]) / (ts[alone + near] - ts[alone + far])
-        beyond = signal[alone + near] + steps * (signal[alone + near] - signal[alone + far])
-        return np.where(steps < _FAR, beyond, np.inf)  # Of samples close together, noise is all that it shows.
+    def from_straight(side: int) -> np.ndarray:
+        """Distance from the straight line through two samples on a side, where a third one is on it."""
+        near, next_, far = (alone + k * side for k in (1, 2, 3))
+        off_line = np.abs(signal[near] - _straight(ts, signal, near, next_, far))
+        distance = np.abs(signal[alone] - _straight(ts, signal, alone, near, next_))
+        return np.where(off_line < _LINE * np.abs(off[alone]), distance, np.inf)
 
-    beside = np.stack([straight(-1, -2), straight(1, 2)])
-    return np.any(np.abs(beside - signal[alone]) < _SAME * np.abs(off[alone]), axis=0)
+    return np.minimum(from_straight(-1), from_straight(1)) < _SAME * np.abs(off[alone])
+
+
+def _straight(
+    ts: Times, signal: np.ndarray, at: Int[np.ndarray, " k"], near: Int[np.ndarray, " k"], far: Int[np.ndarray, " k"]
+) -> np.ndarray:
+    """What the straight line through two samples says of another one; infinite where it is far from both."""
+    steps = (ts[at] - ts[near]) / (ts[near] - ts[far])
+    # Of samples close together, noise is all that it shows.
+    return np.where(steps < _FAR, signal[near] + steps * (signal[near] - signal[far]), np.inf)
 
 
 def unwrapped(q: Signals) -> Signals:

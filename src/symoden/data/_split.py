@@ -188,14 +188,15 @@ def _cut_off(
     """
     if not count:
         return [trajectory], []
-    stop, rest = _moves_until(trajectory, count) if at_rest else len(trajectory), []
-    if len(trajectory) - stop >= max(count, least) and stop >= 2 * least:
+    end, start, rest = _moves_until(trajectory, count) if at_rest else len(trajectory), len(trajectory) - count, []
+    if end <= start and end >= 2 * least:
+        # As many samples as else, since windows are as long as these allow: the last ones that move, and rest.
+        start = end - max(least, min(count, end // _OF_MOTION))
+    stop = start + count if len(trajectory) - (start + count) >= least else len(trajectory)
+    if stop < len(trajectory):
         rest = [trajectory.cut(stop, len(trajectory), name=trajectory.name + _REST)]
-        count = max(least, min(count, stop // _OF_MOTION))
-    else:
-        stop = len(trajectory)
-    head = trajectory.cut(0, stop - count, name=trajectory.name)
-    return [head, *rest], [trajectory.cut(stop - count, stop, name=trajectory.name + _TAIL)]
+    head = trajectory.cut(0, start, name=trajectory.name)
+    return [head, *rest], [trajectory.cut(start, stop, name=trajectory.name + _TAIL)]
 
 
 def _moves_until(trajectory: Trajectory, count: int) -> int:
