@@ -52,7 +52,7 @@ def test_velocities_that_are_better_than_noisy_positions_are_not_named(noise, sh
 
 @given(delay=st.floats(0.002, 0.09), phase=st.floats(0.0, 1.2), noise=st.floats(0.0, 1e-4), seed=st.integers(0, 1000))
 def test_late_velocities_are_named_with_their_delay(delay, phase, noise, seed):
-    """`phase` of the slower part that passes meanwhile [rad], as far as motions go: the faster part is a turn late."""
+    """`phase` [rad] is how far the slower part goes meanwhile; the faster part goes nearly half a turn."""
     (note,) = notes(w=float(np.clip(phase / delay, 3.0, 12.0)), delay=delay, noise=(noise, 0.0), seed=seed)
     assert note.level == "note"
     said = re.search(r"came ([0-9.e+-]+) ms late", note.text)

@@ -140,11 +140,15 @@ def _moving(v: np.ndarray) -> np.ndarray:
 
 def _delay(ts: Times, v: np.ndarray, differs: np.ndarray) -> float:
     """The delay that explains a difference [s]; 0 where none explains most of it."""
-    late = [v + differs - np.interp(ts - delay, ts, v) for delay in delays(ts)]
-    best = int(np.argmin([left @ left for left in late]))
+    delay, late = 0.0, differs
+    for longer in delays(ts)[1:]:
+        left = v + differs - np.interp(ts - longer, ts, v)
+        if not left @ left < late @ late:  # Farther on is the next period of a periodic motion.
+            break
+        delay, late = float(longer), left
     # Between those that were tried the difference is a straight line.
-    a = np.interp(ts - delays(ts)[best], ts, np.gradient(v, ts))
+    a = np.interp(ts - delay, ts, np.gradient(v, ts))
     power = float(a @ a)
-    more = -float(late[best] @ a) / power if power else 0.0
-    delay, left = float(delays(ts)[best]) + more, late[best] + more * a
+    more = -float(late @ a) / power if power else 0.0
+    delay, left = delay + more, late + more * a
     return delay if delay > 0 and left @ left < (1 - _EXPLAINS) * (differs @ differs) else 0.0

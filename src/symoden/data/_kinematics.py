@@ -112,9 +112,9 @@ def velocity_ratio(
     at_once = _ratio(ts, q, v, longest=longest, accuracy=accuracy)
     if not at_once.factor > 0 or at_once.agrees:  # Of opposite motions, too, another delay makes the same.
         return at_once
-    each = (_ratio(ts, q, v, longest=longest, accuracy=accuracy, late=late) for late in delays(ts)[1:])
-    best = min((ratio for ratio in each if ratio.known), key=lambda ratio: ratio.misfit, default=at_once)
-    return best if best.agrees and best.misfit < _LESS * at_once.misfit else at_once
+    later = (_ratio(ts, q, v, longest=longest, accuracy=accuracy, late=late) for late in delays(ts)[1:])
+    enough = (ratio for ratio in later if ratio.agrees and ratio.misfit < _LESS * at_once.misfit)
+    return next(enough, at_once)
 
 
 def delays(ts: Times) -> np.ndarray:

@@ -6,6 +6,8 @@ import hashlib
 from importlib.metadata import version
 from pathlib import Path
 
+import numpy as np
+
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.storage import StorageError
@@ -24,7 +26,7 @@ from symoden.training import (
 )
 
 from ._data_summary import summarize
-from ._runs import RunConfig
+from ._runs import RunConfig, commit
 
 
 def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> AbstractPosterior:
@@ -50,6 +52,8 @@ def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dat
     if ensemble is not None:
         return ensemble
     training = dataclasses.replace(config.training, lm_substeps=config.settled_substeps)
+    if not (folder / MODEL).is_file():  # No run's, so that nothing would tell whose it is.
+        return infer_posterior(model, dataset, training)
     kept, origin = folder / POSTERIOR, _origin(folder / MODEL, training, dataset)
     with contextlib.suppress(StorageError):  # Absent, of an earlier training, or damaged: it is inferred anew.
         return load_laplace(kept, model, origin=origin)
@@ -60,8 +64,12 @@ def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dat
 
 
 def _origin(model: Path, training: TrainingConfig, dataset: Dataset) -> str:
-    """SHA-256 of all that a posterior is inferred from, and of the version that infers it."""
-    told = repr((version("symoden"), training, summarize(dataset).digest))
+    """SHA-256 of all that a posterior is inferred from, and of the version and commit that infer it."""
+    every = [
+        (each.one_sided, np.ravel([] if each.noise_gain is None else each.noise_gain).tolist())
+        for each in dataset.recordings
+    ]
+    told = repr((version("symoden"), commit(), training, summarize(dataset).digest, every))
     return hashlib.sha256(model.read_bytes() + told.encode()).hexdigest()
 
 

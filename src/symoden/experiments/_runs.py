@@ -41,8 +41,12 @@ def _versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in _PACKAGES}
 
 
-def _commit() -> str | None:
-    """Commit of the package's sources; None where they are not tracked by git."""
+def commit() -> str | None:
+    """Find out the commit of the package's sources.
+
+    Returns:
+        It; None where they are not tracked by git.
+    """
     folder = Path(__file__).parent
     with contextlib.suppress(OSError, subprocess.SubprocessError):
         git = ["git", "-C", str(folder)]
@@ -106,7 +110,7 @@ class RunConfig:
     substeps: int = 1
     trained: TrainingSummary | None = None
     versions: dict[str, str] = field(default_factory=_versions)
-    commit: str | None = field(default_factory=_commit)
+    commit: str | None = field(default_factory=commit)
 
     def __post_init__(self) -> None:
         """Refuse members that cannot be trained.

@@ -199,7 +199,7 @@ def _joint(node: ET.Element) -> _Joint:
     if kind in _MOVING and not length > 0:
         raise ValueError(f"joint `{name}`: its axis must have a length; got zero.")
     mimic = node.find("mimic")
-    mimics = "" if mimic is None else mimic.get("joint", "another one")
+    mimics = "" if mimic is None or kind not in _MOVING else mimic.get("joint", "another one")
     return _Joint(name, kind, parent, child, _frame(node, f"joint `{name}`"), direction / (length or 1), mimics)
 
 
