@@ -55,7 +55,7 @@ def test_evaluate_gives_position_errors_on_a_data_set(arm_run, arm, capsys):
         recordings = answer(capsys, "evaluate", *words)["recordings"]
         assert [(r["name"], r["split"], r["samples"]) for r in recordings] == [("a", "train", 80), ("b", "test", 60)]
         for recording in recordings:
-            errors = {"window_rmse", "rollout_rmse", "coordinates", "motion"}
+            errors = {"window_rmse", "rollout_rmse", "coordinates", "motion", "in_motion"}
             assert set(recording) == {"name", "split", "samples"} | errors
             assert recording["coordinates"] == pytest.approx([recording["window_rmse"]["median"]])
             assert recording["window_rmse"]["horizon_s"] == 1.0

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from symoden.cli._scores import poor, share_of_motion
-from symoden.experiments import RecordingScore, WindowScore
+from symoden.experiments import MotionScore, RecordingScore, WindowScore
 
 
 def recording(error, motion, name="run"):
@@ -16,7 +16,7 @@ def recording(error, motion, name="run"):
         window_rmse=WindowScore(horizon_s=1.0, median=error, mean=error),
         rollout_rmse=error,
         motion=motion,
-        in_motion=(error, motion),
+        in_motion=MotionScore(error=error, motion=motion),
     )
 
 

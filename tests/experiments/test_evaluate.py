@@ -143,9 +143,17 @@ def test_windows_at_rest_do_not_hide_what_motion_is_predicted_like():
     recording = Trajectory(name="kicked", ts=ts, q=q, rates=rates, us=np.zeros((201, 1)))
     (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(4))
     assert score.window_rmse.median < 1e-9
-    error, motion = score.in_motion
-    assert 0.2 < motion < 0.6
-    assert 0.05 < error < 1.0
+    assert 0.2 < score.in_motion.motion < 0.6
+    assert 0.05 < score.in_motion.error < 1.0
+
+
+def test_a_rest_that_is_predicted_to_end_counts():
+    """Dry friction holds a pendulum aside; the model has none."""
+    ts = 0.05 * np.arange(201)
+    q, rates = np.where(ts < 8, 0.4, 0.4 * np.cos(3 * (ts - 8)))[:, None], np.zeros((201, 1))
+    recording = Trajectory(name="held", ts=ts, q=q, rates=rates, us=np.zeros((201, 1)))
+    (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(4))
+    assert score.in_motion.error > 0.3
 
 
 def test_lengths_and_angles_are_scored_each_by_itself_too():

@@ -84,7 +84,7 @@ def share_of_motion(recordings: Sequence[RecordingScore]) -> float:
 def _over_a_second(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore], float, float]:
     """Those that are as long as a window, the sum of their errors, and of what positions move, while they do."""
     long = [each for each in recordings if math.isfinite(each.motion)]
-    return long, float(sum(each.in_motion[0] for each in long)), float(sum(each.in_motion[1] for each in long))
+    return long, float(sum(each.in_motion.error for each in long)), float(sum(each.in_motion.motion for each in long))
 
 
 def poor(recordings: Sequence[RecordingScore]) -> str:
@@ -96,10 +96,10 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     Returns:
         The words; none where predictions are better, or no recording is as long as a window.
     """
-    lost = [each for each in _over_a_second(recordings)[0] if not math.isfinite(each.in_motion[0])]
+    lost = [each for each in _over_a_second(recordings)[0] if not math.isfinite(each.in_motion.error)]
     if lost:
         names = first_few((f"`{each.name}`" for each in lost), _FEW)
-        others = poor([each for each in recordings if math.isfinite(each.in_motion[0])])
+        others = poor([each for each in recordings if math.isfinite(each.in_motion.error)])
         return (
             f"over 1 s most predictions of {names} diverge. The motion may lie outside of what training has seen "
             f"(`symoden inspect` says how far), or the model is a poor one.{others and f' Of the others, {others}'}"
@@ -107,11 +107,11 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     long, error, motion = _over_a_second(recordings)
     if error <= _POOR * motion:
         return ""
-    worst = sorted(long, key=lambda each: -each.in_motion[0])
-    least = _AS_BAD * worst[0].in_motion[0]  # At rest hardly anything is better than standing still.
-    worst = [each for each in worst if each.in_motion[0] > max(_POOR * each.in_motion[1], least)]
+    worst = sorted(long, key=lambda each: -each.in_motion.error)
+    least = _AS_BAD * worst[0].in_motion.error  # At rest hardly anything is better than standing still.
+    worst = [each for each in worst if each.in_motion.error > max(_POOR * each.in_motion.motion, least)]
     some = len(worst) < len(long)
-    error, motion = (sum(each.in_motion[k] for each in worst) / len(worst) for k in (0, 1))
+    error, motion = (sum(getattr(each.in_motion, name) for each in worst) / len(worst) for name in ("error", "motion"))
     of = f" of {first_few((f'`{each.name}`' for each in worst), _FEW)}" if some else ""
     said = (
         f"over 1 s predictions{of} are off by {number(error)} where positions move {number(motion)}, in the mean over "

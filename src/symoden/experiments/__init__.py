@@ -23,6 +23,7 @@ from ._control import (
 )
 from ._data_summary import DataSummary as DataSummary, summarize as summarize
 from ._evaluate import (
+    MotionScore as MotionScore,
     Prediction as Prediction,
     RecordingScore as RecordingScore,
     TaskScore as TaskScore,
@@ -127,6 +128,7 @@ __all__ = [
     "FrictionProfile",
     "Inspection",
     "MeanStd",
+    "MotionScore",
     "PaperErrors",
     "PhasePlane",
     "Portrait",

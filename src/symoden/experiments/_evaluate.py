@@ -58,6 +58,20 @@ class WindowScore:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MotionScore:
+    """Errors while positions move or are predicted to: most windows of a recording may be at rest and stay there.
+
+    Attributes:
+        error: Median over the windows of the position RMSE, each counting by how far the positions move in it or by
+            how far they are predicted to be off, if that is more; NaN if the recording is too short for one.
+        motion: Median of how far they move, likewise.
+    """
+
+    error: float = np.nan
+    motion: float = np.nan
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecordingScore:
     """How well a recording is predicted.
 
@@ -72,8 +86,7 @@ class RecordingScore:
             unit.
         motion: How far the positions move in such a window, what errors are to be compared with: root mean square of
             their distance from the window's first sample; NaN if there is no window.
-        in_motion: The median error, and the median of how far the positions move, each window counting by the latter:
-            most windows of a recording may be at rest, where any model errs little. NaN if there is no window.
+        in_motion: Errors and motion of the windows that move.
     """
 
     name: str
@@ -83,7 +96,7 @@ class RecordingScore:
     rollout_rmse: float
     coordinates: tuple[float, ...] = ()
     motion: float = np.nan
-    in_motion: tuple[float, float] = (np.nan, np.nan)
+    in_motion: MotionScore = MotionScore()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,7 +194,8 @@ def _recording_score(
     errors = np.sqrt(np.mean(np.square(each), axis=1))
     known = len(errors) > 0
     moved = np.sqrt([np.mean(square) for square in motion])
-    weights = moved + np.finfo(float).tiny
+    # What rests, and is predicted to go somewhere, counts as well; what diverges as much as all that moves.
+    weights = np.maximum(moved, np.minimum(errors, moved.max(initial=0.0))) + np.finfo(float).tiny
     return RecordingScore(
         name=recording.name,
         split=split,
@@ -194,7 +208,9 @@ def _recording_score(
         rollout_rmse=float(np.sqrt(np.mean(_mean_squares(path.q[first:], recording.q[first:])))),
         coordinates=tuple(np.median(each, axis=0).tolist()) if known else (np.nan,) * n,
         motion=float(np.sqrt(np.mean(motion))) if known else np.nan,
-        in_motion=(_middle(errors, weights), _middle(moved, weights)) if known else (np.nan, np.nan),
+        in_motion=MotionScore(error=_middle(errors, weights), motion=_middle(moved, weights))
+        if known
+        else MotionScore(),
     )
 
 
