@@ -88,7 +88,8 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     monkeypatch.setattr(_data, "_FEWEST", 2)
     config = dataclasses.replace(quick, growth_steps=1, relevance_steps=1, lm_horizon=None, validation=0.0)
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
-    stages = [s for s in line_up(pendulum(samples=400), model, [model], config) if isinstance(s, LevenbergStage)]
+    every = line_up(pendulum(samples=400), model, [model], config)
+    stages = [each for each in every if isinstance(each, LevenbergStage) and not each.regresses]
     both = FRICTION | DIRECTIONS
     kinds = [0, ACTUATION, POTENTIAL, FRICTION, POTENTIAL | FRICTION, both, *[FRICTION] * 4, FRICTION | NETWORKS]
     names = [
