@@ -78,10 +78,9 @@ def _learned(
     ensemble = read_ensemble(command.run, model, config)
     plants = () if ensemble is None else tuple(map(without_silent, ensemble.models()))
     machine, data = learned_machine(without_silent(model), command.target, config.data.ranges), config.data
-    for name, (low, high), angle in zip(
-        data.position_names, data.ranges.positions, machine.system.space.is_angle, strict=True
-    ):
-        if said := "" if angle else hardly_moves(name, high - low):
+    for i in model.space.lengths:
+        low, high = data.ranges.positions[i]
+        if said := hardly_moves(data.position_names[i], high - low):
             print(f"warning: {said}", file=sys.stderr)
     return machine, plants
 

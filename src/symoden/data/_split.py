@@ -163,11 +163,15 @@ def _without_tails(
         For each what is left of it, and what is held out.
     """
     held = [_held(trajectory, fraction, min_samples) for trajectory in trajectories]
-    pairs = list(zip(trajectories, held, strict=True))
-    resting = sum(count for trajectory, count in pairs if _moves_until(trajectory, count) <= len(trajectory) - count)
+    moving = [_moves_until(trajectory, count) for trajectory, count in zip(trajectories, held, strict=True)]
+    every = list(zip(trajectories, held, moving, strict=True))
+    resting = sum(count for trajectory, count, end in every if end <= len(trajectory) - count)
+    at_rest = 2 * resting >= sum(held)
     return [
-        _cut_off(trajectory, count, max(min_samples, trajectory.initial_samples + 1), at_rest=2 * resting >= sum(held))
-        for trajectory, count in pairs
+        _cut_off(
+            trajectory, count, max(min_samples, trajectory.initial_samples + 1), end if at_rest else len(trajectory)
+        )
+        for trajectory, count, end in every
     ]
 
 
@@ -178,17 +182,15 @@ def _held(trajectory: Trajectory, fraction: float, min_samples: int) -> int:
     return count if long else 0
 
 
-def _cut_off(
-    trajectory: Trajectory, count: int, least: int, *, at_rest: bool
-) -> tuple[list[Trajectory], list[Trajectory]]:
-    """Split so many samples off: the last ones, or if that is asked for the last ones before all is at rest.
+def _cut_off(trajectory: Trajectory, count: int, least: int, end: int) -> tuple[list[Trajectory], list[Trajectory]]:
+    """Split so many samples off: the last ones, or those about the end of the motion where it comes before these.
 
     Returns:
         What is left, and what is held out.
     """
     if not count:
         return [trajectory], []
-    end, start, rest = _moves_until(trajectory, count) if at_rest else len(trajectory), len(trajectory) - count, []
+    start, rest = len(trajectory) - count, []
     if end <= start and end >= 2 * least:
         # As many samples as else, since windows are as long as these allow: the last ones that move, and rest.
         start = end - max(least, min(count, end // _OF_MOTION))
