@@ -58,18 +58,20 @@ def test_motion_and_noise_have_none(seed, noise, uneven):
 
 @given(
     step=st.floats(0.02, 0.1),
-    speed=st.floats(0.5, 3.0),
-    stops=st.floats(2.05, 2.95),
-    back=st.floats(0.0, 0.2),
+    pace=st.lists(st.floats(0.97, 1.03), min_size=5, max_size=5),
+    first=st.floats(0.0, 1.0),
+    back=st.floats(0.0, 0.3),
+    more=st.floats(0.0, 0.6),
+    rest=st.tuples(st.integers(4, 20), st.integers(6, 30)),
     turn=st.sampled_from([1.0, -1.0]),
 )
-def test_a_sharp_stop_between_rare_samples_is_none(step, speed, stops, back, turn):
-    """A winch whose motor is switched off, and which gives way a little, as a log of ten samples a second had it."""
-    ts = step * np.arange(SIZE)
-    stops, rests = stops * 10 * step, stops * 10 * step + 1.5 * step
-    q = np.interp(ts, [stops - 8 * step, stops, rests], [0.0, speed, speed - back * speed])
+def test_a_sharp_stop_between_rare_samples_is_none(step, pace, first, back, more, rest, turn):
+    """A winch whose motor is switched off, and which then gives way, as a log of ten samples a second had it."""
+    way = [*np.zeros(rest[0]), first, *pace, -back, -back * more, *np.zeros(rest[1])]
+    q = np.round(0.22 * np.cumsum(way), 4)
+    ts = step * np.arange(len(q))
     for each in (q, q[::-1]):
-        assert find_spikes(log(turn * each, np.zeros(SIZE), ts), np.array([False])) == ()
+        assert find_spikes(log(turn * each, np.zeros(len(q)), ts), np.array([False])) == ()
 
 
 @given(seed=st.integers(0, 500), row=st.integers(10, SIZE - 10), kick=st.floats(1.0, 40.0))
