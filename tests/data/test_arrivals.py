@@ -116,6 +116,30 @@ def test_rows_that_repeat_the_one_before_or_lack_their_position_keep_their_stamp
     ]
 
 
+@pytest.mark.parametrize("every", [1, 7, 150])
+def test_rows_that_repeat_the_one_before_stamp_and_all_are_left_out(tmp_path, every):
+    taken = 0.01 * np.arange(400)
+    q = np.where(taken == 0.05, np.nan, np.sin(2 * taken))
+    path = written(tmp_path, taken, q)
+    with pytest.warns(DataWarning, match="1 row"):
+        (once,) = read_dataset(path).train
+    rows = np.sort(np.concatenate([np.arange(400), np.arange(1, 400, every)]))
+    written(tmp_path, taken[rows], q[rows])
+    with pytest.warns(DataWarning, match="1 row"):
+        (twice,) = read_dataset(path).train
+    np.testing.assert_array_equal(twice.ts, once.ts)
+    np.testing.assert_array_equal(twice.q, once.q)
+    (found,) = (each for each in check_dataset(path).recordings[0].findings if each.kind == "time")
+    assert found.level == "masked"
+    assert found.text.startswith(f"{len(rows) - 400} row")
+    assert found.text.endswith("first at line 4 (row 2)")
+    other = q[rows]
+    other[2] += 1e-6  # One of them is another sample: which is right, none can know.
+    written(tmp_path, taken[rows], other)
+    with pytest.raises(DataError, match="times must increase"):
+        read_dataset(path)
+
+
 @given(seed=st.integers(0, 2**32 - 1), jitter=st.floats(0, 0.8))
 def test_samples_at_uneven_times_keep_their_stamps(tmp_path_factory, seed, jitter):
     rng = np.random.default_rng(seed)

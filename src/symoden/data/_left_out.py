@@ -10,7 +10,7 @@ from symoden.wording import stamp
 from ._findings import SHOWN_SPANS, Finding
 from ._logs import Log
 from ._masking import Mask
-from ._tables import find_short_lines, is_text
+from ._tables import find_short_lines, is_text, place
 from ._units import key
 
 _ESTIMATED = " Velocities can be left out: they are then estimated from the positions."
@@ -80,7 +80,7 @@ def find_merged(log: Log) -> list[Finding]:
 
 
 def find_absent(log: Log) -> list[Finding]:
-    """Name columns that lack numbers or have impossible ones, and lines that end too early.
+    """Name rows that are there twice, columns that lack numbers or have impossible ones, and lines that end too early.
 
     Args:
         log: What was logged.
@@ -89,7 +89,7 @@ def find_absent(log: Log) -> list[Finding]:
         The findings.
     """
     short = _short_lines(log)
-    found = [*_unfinished(log, short), *_impossible(log)]
+    found = [*_repeats(log), *_unfinished(log, short), *_impossible(log)]
     for role, signal in ({"time": log.ts[:, None]} | log.signals).items():
         for i, name in enumerate(log.names.get(role, ())):
             told = [each.rows for each in log.impossible if each.channel == name]
@@ -111,6 +111,23 @@ def find_absent(log: Log) -> list[Finding]:
                 )
             )
     return found
+
+
+def _repeats(log: Log) -> list[Finding]:
+    """Rows that repeat the one before."""
+    if not log.repeats:
+        return []
+    count = len(log.repeats)
+    return [
+        Finding(
+            kind="time",
+            level="masked",
+            channel="",
+            text=f"{count} row{'s' if count > 1 else ''} repeat{'' if count > 1 else 's'} the one before, time stamp "
+            f"and all, first at {place(log.path, log.repeats[0])}",
+            advice="These are left out, and nothing need be done: what wrote the file had nothing new, or wrote twice.",
+        )
+    ]
 
 
 def _impossible(log: Log) -> list[Finding]:

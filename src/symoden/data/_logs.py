@@ -96,6 +96,7 @@ class Log:
         impossible: Numbers that no machine has, of each column that has any.
         merged: That the table had several clocks, if so.
         arrivals: That its time stamps were found to be those of arrival, if so.
+        repeats: Rows of the file that repeat the one before, time stamp and all, which the log lacks.
     """
 
     part: str
@@ -111,6 +112,7 @@ class Log:
     impossible: tuple[Impossible, ...] = ()
     merged: Merged | None = None
     arrivals: Arrivals | None = None
+    repeats: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows T."""
@@ -255,6 +257,7 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
             + f". {'Correct `rows`, or leave' if chosen else 'Leave'} it out"
             + (": name the others by `recordings`." if rows.label else ".")
         )
+    rows, repeats = _without_repeats(rows)
     rows, impossible = without_impossible(rows, description.units)
     q, rates = rows.signals["positions"], rows.signals.get("rates")
     _refuse_other_size(rows.path, description.space, is_angle, q.shape[1])
@@ -276,7 +279,24 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
         names=rows.names,
         units=_si_units(rows, description, is_angle),
         impossible=impossible,
+        repeats=repeats,
     )
+
+
+def _without_repeats(rows: Rows) -> tuple[Rows, tuple[int, ...]]:
+    """Leave out rows that repeat the one before, if all that have its time stamp do: else stamps are rounded.
+
+    Returns:
+        The others, and which of the file's rows were left out.
+    """
+    if "time" not in rows.signals:
+        return rows, ()
+    numbers = np.concatenate([signal for role, signal in rows.signals.items() if role != "time"], axis=1)
+    at_once = np.flatnonzero((np.diff(rows.signals["time"], axis=0) == 0).all(axis=1)) + 1
+    if not np.array_equal(numbers[at_once], numbers[at_once - 1], equal_nan=True):
+        return rows, ()
+    kept = np.delete(np.arange(len(rows)), at_once)
+    return rows.take(kept, rows.label), tuple(rows.index[at_once].tolist())
 
 
 def _si_units(rows: Rows, description: Description, is_angle: np.ndarray) -> dict[str, tuple[str, ...]]:

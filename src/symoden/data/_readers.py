@@ -55,12 +55,12 @@ class Rows:
         """Number of rows."""
         return len(self.index)
 
-    def take(self, rows: np.ndarray, label: str) -> "Rows":
-        """Those of one recording.
+    def take(self, rows: np.ndarray, label: str | None) -> "Rows":
+        """Some of them, those of one recording.
 
         Args:
             rows: Which of these rows.
-            label: What their column says, or the number of the recording.
+            label: What their column says, or the number of the recording, if there are several.
 
         Returns:
             The rows.
