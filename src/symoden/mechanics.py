@@ -42,7 +42,7 @@ class AbstractDynamics(eqx.Module):
 
     @abc.abstractmethod
     def derivative(self, t: Scalar, state: State, u: Inputs) -> State:
-        """Time derivative of the state under the input `u` at time `t` [s]."""
+        """Time derivative of the state under the input `u` at time `t` [s], counted from a rollout's first sample."""
 
     @abc.abstractmethod
     def decode(self, state: State) -> tuple[Coordinates, Rates]:

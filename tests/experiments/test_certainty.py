@@ -62,7 +62,7 @@ def learned(trained) -> tuple:
 
 
 def bands(model, dataset) -> tuple[Any, Any]:
-    found = inspect_model(model, Ranges.of(dataset.train))
+    found = inspect_model(model, Ranges.of(dataset.train, model.space))
     return found, certainty(infer_posterior(model, dataset, STEPS), found)
 
 
@@ -110,7 +110,7 @@ def test_members_that_differ_in_the_gauge_alone_differ_in_nothing(learned, full)
         tried=3,
         corrections=0,
     )
-    found = inspect_model(model, Ranges.of(dataset.train))
+    found = inspect_model(model, Ranges.of(dataset.train, model.space))
     band = certainty(ensemble, found)
     assert band.relative == pytest.approx(dict.fromkeys(band.relative, 0.0), abs=1e-5)
     assert (band.members, band.tried, band.effective) == (3, 3, None)
@@ -137,7 +137,7 @@ def test_what_inputs_alone_tell_is_a_common_factor(learned):
             tried=3,
             corrections=0,
         )
-        band = certainty(ensemble, inspect_model(anchored, Ranges.of(dataset.train)))
+        band = certainty(ensemble, inspect_model(anchored, Ranges.of(dataset.train, anchored.space)))
         wide = ensemble.quantile(0.9)
         assert (band.common_factor or 0.0) == pytest.approx(wide * common, rel=0.03)
         assert band.relative["D"] == pytest.approx(wide * 0.0173, rel=0.03)

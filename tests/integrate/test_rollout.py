@@ -217,6 +217,17 @@ def test_a_rollout_says_what_is_wrong_with_its_samples(wrong, message):
         PLAIN(Pendulum(), **(fit | wrong))
 
 
+@pytest.mark.parametrize("start", [1e3, 1.7e9])
+def test_single_precision_keeps_steps_of_a_millisecond_whenever_they_were_taken(start):
+    """Seconds since a robot was switched on, and since 1970."""
+    ts, us = start + 1e-3 * np.arange(200), np.zeros((200, 1))
+    with jax.enable_x64(False):
+        late, early = (PLAIN(Pendulum(), [0.3], [0.0], times, us).q for times in (ts, ts - start))
+    assert late.dtype == jnp.float32
+    np.testing.assert_allclose(late, early, rtol=1e-5)
+    assert late[-1, 0] < 0.29
+
+
 def test_shapes_are_checked_while_jax_traces_but_the_order_of_times_is_not():
     traced = jax.jit(lambda ts, us: PLAIN(Pendulum(), jnp.zeros(1), jnp.zeros(1), ts, us).q)
     assert traced(LINE[::-1], jnp.zeros((5, 1))).shape == (5, 1)

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from symoden.data import Dataset
+from symoden.spaces import Space
 
 from ._ranges import Ranges
 
@@ -56,7 +57,7 @@ def summarize(dataset: Dataset) -> DataSummary:
         samples={name: sum(map(len, part)) for name, part in parts.items()},
         position_names=dataset.position_names,
         input_names=dataset.input_names,
-        ranges=Ranges.of(dataset.train or dataset.recordings),
+        ranges=Ranges.of(dataset.train or dataset.recordings, Space.parse(dataset.space)),
         digest=_digest(dataset),
     )
 

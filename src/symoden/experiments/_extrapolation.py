@@ -65,12 +65,14 @@ def extrapolation(
     Returns:
         What was found; None if there is no such model, or it was told that every angle is one.
     """
-    told, truly = Space.parse(contest.source.dataset.space).is_angle, contest.task.system.space.is_angle
-    misled = [i for i, (angle, true) in enumerate(zip(told, truly, strict=True)) if true and not angle]
+    told, truly = Space.parse(contest.source.dataset.space), contest.task.system.space
+    misled = [
+        i for i, (angle, true) in enumerate(zip(told.is_angle, truly.is_angle, strict=True)) if true and not angle
+    ]
     if kind not in contest.trained or not misled:
         return None
     i, source, model = misled[0], contest.source, contest.trained[kind].model
-    low, high = Ranges.of(source.dataset.train).positions[i]
+    low, high = Ranges.of(source.dataset.train, told).positions[i]
     pairs = list(zip(source.prediction, rollouts[kind], strict=True))
     space = Space.parse(contest.task.space)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -136,7 +136,7 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
     Returns:
         What it learned.
     """
-    q_low, q_high = _position_range(model, ranges)
+    q_low, q_high = ranges.configurations(model.space)
     low, high = np.concatenate([[q_low, q_high], np.asarray(ranges.rates).T], axis=1)
     states = np.random.default_rng(0).uniform(low, high, (_STATES, len(low)))
     q, rates = (jnp.asarray(part) for part in np.split(states, 2, axis=1))
@@ -214,13 +214,6 @@ def identified_parameters(model: AbstractDynamics) -> dict[str, float]:
     if not isinstance(model, StructuredModel) or model.parameters is None:
         return {}
     return {name: float(value) for name, value in model.parameters.quantities.items()}
-
-
-def _position_range(model: AbstractDynamics, ranges: Ranges) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Range of the coordinates; angles that went all the way round from -π to π."""
-    low, high = np.asarray(ranges.positions).T
-    around = np.asarray(model.space.is_angle) & (high - low > 2 * np.pi)
-    return np.where(around, -np.pi, low), np.where(around, np.pi, high)
 
 
 def _profile(

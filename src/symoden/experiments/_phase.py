@@ -80,7 +80,8 @@ def phase_plane(contest: Contest, *, count: int = 5, points: int = 41) -> PhaseP
     task = contest.task
     if task.system.space.size != 1:
         return None
-    ((low, high),), ((slowest, fastest),) = task.position_bounds, Ranges.of(contest.source.dataset.train).rates
+    ((low, high),) = task.position_bounds
+    ((slowest, fastest),) = Ranges.of(contest.source.dataset.train, task.system.space).rates
     wider = _WIDER * (high - low)
     q, rates = np.linspace(low - wider, high + wider, points), np.linspace(slowest, fastest, points)
     truth = _field(task.system, q, rates, None)

@@ -155,10 +155,11 @@ def portrait(
     q, v = _states(truth, train)
     anchored = model.momenta or _knows_inputs(model)
     gauge = 1.0 if anchored else fit_gauge(model, truth, q, v)
-    (low, high), around = _visited(model.space, train)
+    low, high = Ranges.of(train, model.space).configurations(model.space)
     along = np.tile((low + high) / 2, (points, 1))
     visited = (float(low[coordinate]), float(high[coordinate]))
-    farther = 0.0 if around[coordinate] else beyond * (visited[1] - visited[0])
+    all_round = model.space.is_angle[coordinate] and visited == (-np.pi, np.pi)
+    farther = 0.0 if all_round else beyond * (visited[1] - visited[0])
     along[:, coordinate] = np.linspace(visited[0] - farther, visited[1] + farther, points)
     speeds = np.tile(np.sqrt(np.mean(v**2, axis=0)), (points, 1))
     true, learned = _evaluate(truth, along, speeds), _regauged(_evaluate(model, along, speeds), gauge)
@@ -252,13 +253,6 @@ def _states(truth: AbstractPortHamiltonian, trajectories: Sequence[Trajectory]) 
     every = -(-len(q) // _MOST_STATES)
     q, rates = q[::every], rates[::every]
     return q, np.asarray(_velocities(truth, jnp.asarray(q), jnp.asarray(rates))) if truth.momenta else rates
-
-
-def _visited(space: Space, trajectories: Sequence[Trajectory]) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
-    """Range of the coordinates, of an angle that went all the way round one turn; which those are."""
-    low, high = np.asarray(Ranges.of(trajectories).positions).T
-    around = np.asarray(space.is_angle) & (high - low > 2 * np.pi)
-    return (np.where(around, -np.pi, low), np.where(around, np.pi, high)), around
 
 
 @eqx.filter_jit

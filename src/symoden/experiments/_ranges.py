@@ -20,7 +20,7 @@ class Ranges:
     """Least and largest value of every column of the training data.
 
     Attributes:
-        positions: Of each coordinate; angles without jumps of 2π.
+        positions: Of each coordinate; angles without jumps of 2π, in one recording or from one to the next.
         rates: Of each velocity or momentum.
         inputs: Of each input.
     """
@@ -30,11 +30,12 @@ class Ranges:
     inputs: Bounds
 
     @classmethod
-    def of(cls, trajectories: Sequence[Trajectory]) -> "Ranges":
+    def of(cls, trajectories: Sequence[Trajectory], space: Space) -> "Ranges":
         """Ranges of recordings.
 
         Args:
             trajectories: At least one recording.
+            space: Space of the mechanism: recordings of an angle that are a turn apart are of the same configurations.
 
         Returns:
             The ranges.
@@ -44,11 +45,27 @@ class Ranges:
             low, high = columns.min(axis=0), columns.max(axis=0)
             return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
 
+        ends = np.array([[trajectory.q.min(axis=0), trajectory.q.max(axis=0)] for trajectory in trajectories])
+        for i in np.flatnonzero(space.is_angle):
+            ends[:, :, i] += 2 * np.pi * _turns(*ends[:, :, i].T)[:, None]
         return cls(
-            positions=bounds(np.concatenate([trajectory.q for trajectory in trajectories])),
+            positions=bounds(ends.reshape(-1, space.size)),
             rates=bounds(np.concatenate([trajectory.rates for trajectory in trajectories])),
             inputs=bounds(np.concatenate([trajectory.us for trajectory in trajectories])),
         )
+
+    def configurations(self, space: Space) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Least and largest coordinate of all configurations; −π and π where an angle went all the way round.
+
+        Args:
+            space: Space of the mechanism.
+
+        Returns:
+            Both, of each coordinate.
+        """
+        low, high = np.asarray(self.positions).T
+        around = np.asarray(space.is_angle) & (high - low > 2 * np.pi)
+        return np.where(around, -np.pi, low), np.where(around, np.pi, high)
 
     def outside(
         self,
@@ -78,3 +95,19 @@ class Ranges:
                 low, high = np.asarray(bounds).T
                 inside &= np.all((columns >= low - _SLACK) & (columns <= high + _SLACK), axis=1)
         return ~inside
+
+
+def _turns(low: Float[np.ndarray, " K"], high: Float[np.ndarray, " K"]) -> Float[np.ndarray, " K"]:
+    """Whole turns by which to move intervals of an angle, so that together they reach least far.
+
+    Returns:
+        The turns; none where those as they are reach no farther.
+    """
+    middles = (low + high) / 2
+    best, reach = np.zeros(len(low)), float(np.ptp([low.min(), high.max()]))
+    for middle in middles:
+        turns = np.round((middle - middles) / (2 * np.pi))
+        moved = float((high + 2 * np.pi * turns).max() - (low + 2 * np.pi * turns).min())
+        if moved < reach - _SLACK:
+            best, reach = turns, moved
+    return best

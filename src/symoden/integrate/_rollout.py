@@ -82,7 +82,7 @@ def rollout(
         dynamics: Analytic system or learned model.
         q0: Coordinates at the first sample.
         rates0: Velocities or momenta there, as `dynamics.momenta` says.
-        ts: Times of the samples [s], increasing; the intervals may differ.
+        ts: Times of the samples [s], increasing; the intervals may differ. The dynamics count from the first one.
         us: Inputs at the samples, one row per time; without inputs, no columns.
         solver: What advances the state from sample to sample; one RK4 step if absent.
         hold: How an input acts between samples: `zero_hold` or `linear_hold`.
@@ -139,7 +139,7 @@ _compiled = eqx.filter_jit(_simulate)  # A loop that is not would be compiled an
 
 
 def _checked_samples(ts: object, us: object, inputs: int) -> tuple[jax.Array, jax.Array]:
-    """Times that increase, and as many inputs."""
+    """Times from the first one on, which increase, and as many inputs."""
     times, driven = floats(ts, "`rollout`: `ts`"), floats(us, "`rollout`: `us`")
     if times.ndim != 1 or not times.size:
         raise ValueError(
@@ -152,12 +152,15 @@ def _checked_samples(ts: object, us: object, inputs: int) -> tuple[jax.Array, ja
             f"input; got {driven.shape}. If the inputs of the T − 1 intervals are known, repeat the last row: under "
             "`zero_hold` it never acts."
         )
-    if not isinstance(times, Tracer):
-        late = np.flatnonzero(~(np.diff(times) > 0))
-        if late.size:
-            k = int(late[0])
-            raise ValueError(
-                f"`rollout`: `ts` must increase; got {float(times[k + 1])} after {float(times[k])} at index {k + 1}. "
-                "Sort the samples by time, and keep one of each."
-            )
-    return times, driven
+    if isinstance(times, Tracer):
+        return times - times[0], driven
+    # Seconds since 1970, or since a robot was switched on, lose their fractions in single precision.
+    exact = np.asarray(ts, np.float64)
+    late = np.flatnonzero(~(np.diff(exact) > 0))
+    if late.size:
+        k = int(late[0])
+        raise ValueError(
+            f"`rollout`: `ts` must increase; got {float(exact[k + 1])} after {float(exact[k])} at index {k + 1}. "
+            "Sort the samples by time, and keep one of each."
+        )
+    return jnp.asarray(exact - exact[0], times.dtype), driven
