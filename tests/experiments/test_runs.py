@@ -213,8 +213,8 @@ OTHERS = {
 @pytest.mark.parametrize("name", OTHERS)
 def test_the_digest_tells_data_apart(name):
     other = OTHERS[name]
-    assert summarize(dataclasses.replace(DRIVEN, name="e")).digest == summarize(DRIVEN).digest
-    assert summarize(other).digest != summarize(DRIVEN).digest
+    assert dataclasses.replace(DRIVEN, name="e").digest == summarize(DRIVEN).digest
+    assert other.digest != DRIVEN.digest
 
 
 def outside(ranges, recording, space):

@@ -118,6 +118,22 @@ def test_data_without_a_finite_model_is_a_training_error(small, quick):
         fit(dataset, model=raw, config=config)
 
 
+def test_what_cannot_be_trained_is_refused_before_anything_is(pendulum, small, quick):
+    with pytest.raises(ValueError, match="must have steps; `adam_steps` and `lm_steps` are both 0"):
+        TrainingConfig(adam_steps=0, lm_steps=0)
+    dataset = pendulum()
+    with pytest.raises(DataError, match="must have recordings in `train`; got none"):
+        fit(dataclasses.replace(dataset, train=(), test=dataset.train), model=small, config=quick)
+    large = dataclasses.replace(small, potential=BlockConfig(hidden=(120, 120)))
+    with pytest.raises(ValueError, match=r"at most 12000 numbers to learn.*the model has 1\d{4}\. .*`lm_steps=0`"):
+        fit(dataset, model=large, config=quick)
+
+
+def test_adam_alone_leaves_integration_as_fine_as_it_was(pendulum, small, quick):
+    config = dataclasses.replace(quick, adam_steps=2, lm_steps=0, substeps=3)
+    assert fit(pendulum(), model=small, config=config).substeps == 3
+
+
 def test_a_fit_that_predicts_nothing_is_a_training_error(pendulum, small, quick, monkeypatch):
     monkeypatch.setattr(_fit, "_NOTHING", 1e-9)
     with pytest.raises(TrainingError, match="not far larger than the motion"):

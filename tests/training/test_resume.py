@@ -11,7 +11,7 @@ import time
 import equinox as eqx
 import pytest
 
-from symoden.models import load
+from symoden.models import BlockConfig, load
 from symoden.storage import StorageError, load_arrays, save_arrays
 from symoden.training import _levenberg_stage, _line_up, fit
 from symoden.training._run import Stopwatch
@@ -128,14 +128,6 @@ def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path):
     assert again.verdicts == first.verdicts
 
 
-def test_a_checkpoint_of_other_settings_is_refused(pendulum, small, quick, tmp_path):
-    config = dataclasses.replace(quick, adam_steps=600, lm_steps=0)
-    fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=0.0)
-    other = dataclasses.replace(small, potential=dataclasses.replace(small.potential, hidden=(5,)))
-    with pytest.raises(StorageError, match="same settings"):
-        fit(pendulum(), model=other, config=config, folder=tmp_path, resume=True)
-
-
 def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
     config = dataclasses.replace(quick, adam_steps=600, lm_steps=0)
     fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=0.0)
@@ -145,8 +137,7 @@ def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
         fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True)
 
 
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
-@pytest.mark.parametrize("name", ["stage", "seconds", "incumbent_origin", "stages"])
+@pytest.mark.parametrize("name", ["stage", "seconds", "incumbent_origin", "stages", "data and settings"])
 @pytest.mark.parametrize("value", [None, "soon"])
 def test_a_checkpoint_of_another_version_is_refused(pendulum, small, quick, tmp_path, name, value):
     config = dataclasses.replace(quick, adam_steps=2)
@@ -155,10 +146,27 @@ def test_a_checkpoint_of_another_version_is_refused(pendulum, small, quick, tmp_
     arrays, plain = load_arrays(path)
     others = {key: number for key, number in plain.items() if key != name}
     save_arrays(path, arrays, others if value is None else others | {name: value})
-    with pytest.raises(StorageError, match=r"of the same settings and version.*Start a new run"):
+    with pytest.raises(StorageError, match=r"of the same data, settings and version.*start anew"):
         fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True)
 
 
+@pytest.mark.parametrize("other", ["seed", "prior", "model", "data"])
+def test_a_checkpoint_of_other_data_or_settings_is_refused(pendulum, small, quick, tmp_path, other):
+    config, folder = dataclasses.replace(quick, adam_steps=2), str(tmp_path)
+    fit(pendulum(), model=small, config=config, folder=folder, max_minutes=0.0)
+    parts = {"dataset": pendulum(), "model": small, "config": config}
+    changed = {
+        "seed": {"config": dataclasses.replace(config, seed=1)},
+        "prior": {"config": dataclasses.replace(config, prior=2.0)},
+        "model": {"model": dataclasses.replace(small, potential=BlockConfig(hidden=(5,)))},
+        "data": {"dataset": pendulum(seed=1)},
+    }
+    with pytest.raises(StorageError, match="of the same data, settings and version"):
+        fit(**(parts | changed[other]), folder=folder, resume=True)
+    assert fit(**parts, folder=folder, resume=True, max_minutes=0.0).seconds > 0
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
 def test_a_killed_run_resumes_to_the_same_bits(tmp_path):
     steps = str(200 * 20)
     environment = os.environ | {"JAX_PLATFORMS": "cpu"}

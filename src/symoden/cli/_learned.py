@@ -23,7 +23,6 @@ from symoden.experiments import (
     read_run,
     read_run_source,
     recorded_paths,
-    summarize,
 )
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
@@ -144,7 +143,7 @@ def own_source(config: RunConfig) -> Source:
     """
     with said_before():
         source = read_run_source(config)
-    if source.task is None and summarize(source.dataset).digest != config.data.digest:
+    if source.task is None and source.dataset.digest != config.data.digest:
         print(
             f"warning: `{source.name}`: the data are no longer those that the run was trained on. Restore them, or "
             "train anew: its bands are those of other data.",

@@ -137,7 +137,7 @@ def _continued(command: Train) -> tuple[RunConfig, Source]:
     if command.members is not None:
         config = dataclasses.replace(config, members=command.members)
     source = read_run_source(config)
-    if source.task is None and summarize(source.dataset).digest != config.data.digest:
+    if source.task is None and source.dataset.digest != config.data.digest:
         raise ValueError(
             f"`{source.name}`: the data must be those that the run in `{command.out}` began with; they have changed. "
             "Restore them, or start another run."

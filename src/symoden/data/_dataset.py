@@ -1,6 +1,8 @@
 """Recordings of one mechanism, with what is known of their meaning."""
 
 import dataclasses
+import functools
+import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -107,6 +109,19 @@ class Dataset:
     def inputs(self) -> int:
         """Number of inputs m."""
         return self.recordings[0].us.shape[1]
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """SHA-256: data that moved from one part to another, or of which something else is told, differ."""
+        digest = hashlib.sha256(repr((self.space, self.momenta, self.hold, self.known)).encode())
+        arrays = {"input_matrix": np.zeros(0) if self.input_matrix is None else self.input_matrix}
+        for part in ("train", "validation", "test"):
+            for k, recording in enumerate(getattr(self, part)):
+                arrays |= {f"{part}/{k}/{name}": getattr(recording, name) for name in ("ts", "q", "rates", "us")}
+        for name, array in arrays.items():
+            digest.update(f"{name} {array.shape}".encode())
+            digest.update(array.tobytes())
+        return digest.hexdigest()
 
 
 def _recordings(name: str, part: str, given: Iterable[Trajectory] | Trajectory) -> tuple[Trajectory, ...]:

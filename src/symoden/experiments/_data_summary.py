@@ -1,10 +1,7 @@
 """What a run keeps of its data: enough to inspect its model, and to tell whether data are the same."""
 
-import hashlib
 from dataclasses import dataclass
 from typing import Literal
-
-import numpy as np
 
 from symoden.data import Dataset
 from symoden.spaces import Space
@@ -58,19 +55,5 @@ def summarize(dataset: Dataset) -> DataSummary:
         position_names=dataset.position_names,
         input_names=dataset.input_names,
         ranges=Ranges.of(dataset.train or dataset.recordings, Space.parse(dataset.space)),
-        digest=_digest(dataset),
+        digest=dataset.digest,
     )
-
-
-def _digest(dataset: Dataset) -> str:
-    """SHA-256 of a data set: data that moved from one part to another, or of which something else is told, differ."""
-    digest = hashlib.sha256(repr((dataset.space, dataset.momenta, dataset.hold, dataset.known)).encode())
-    given = np.zeros(0) if dataset.input_matrix is None else dataset.input_matrix
-    arrays = {"input_matrix": given}
-    for part in ("train", "validation", "test"):
-        for k, recording in enumerate(getattr(dataset, part)):
-            arrays |= {f"{part}/{k}/{name}": getattr(recording, name) for name in ("ts", "q", "rates", "us")}
-    for name, array in arrays.items():
-        digest.update(f"{name} {array.shape}".encode())
-        digest.update(array.tobytes())
-    return digest.hexdigest()

@@ -25,7 +25,6 @@ from symoden.training import (
     save_laplace,
 )
 
-from ._data_summary import summarize
 from ._runs import RunConfig, commit
 
 
@@ -69,7 +68,7 @@ def _origin(model: Path, training: TrainingConfig, dataset: Dataset) -> str:
         (each.one_sided, np.ravel([] if each.noise_gain is None else each.noise_gain).tolist())
         for each in dataset.recordings
     ]
-    told = repr((version("symoden"), commit(), training, summarize(dataset).digest, every))
+    told = repr((version("symoden"), commit(), training, dataset.digest, every))
     return hashlib.sha256(model.read_bytes() + told.encode()).hexdigest()
 
 

@@ -23,13 +23,14 @@ _NUMBERS = {
 }
 
 
-def save_checkpoint(path: Path, state: TrainingState, *, stages: Sequence[str], seconds: float) -> None:
+def save_checkpoint(path: Path, state: TrainingState, *, stages: Sequence[str], origin: str, seconds: float) -> None:
     """Write the state of training.
 
     Args:
         path: The file.
         state: What a resumed run needs.
         stages: Names of all stages.
+        origin: What tells the data and settings from others.
         seconds: Time spent so far [s].
 
     Raises:
@@ -37,25 +38,28 @@ def save_checkpoint(path: Path, state: TrainingState, *, stages: Sequence[str], 
     """
     leaves = [leaf for leaf in jax.tree.leaves(state) if eqx.is_array(leaf)]
     plain = {name: repr(getattr(state, name)) for name in _NUMBERS}
-    plain |= {"incumbent_origin": repr(state.incumbent.origin), "seconds": repr(seconds), "stages": ", ".join(stages)}
+    plain |= {"incumbent_origin": repr(state.incumbent.origin), "seconds": repr(seconds)}
+    plain |= {"stages": ", ".join(stages), "data and settings": origin}
     save_arrays(path, {f"{i:04d}": np.asarray(leaf) for i, leaf in enumerate(leaves)}, plain)
 
 
-def read_progress(path: Path, stages: Sequence[str]) -> tuple[int, float]:
+def read_progress(path: Path, stages: Sequence[str], origin: str) -> tuple[int, float]:
     """Stage in progress and time spent, without the arrays' meaning.
 
     Args:
         path: The checkpoint.
         stages: Names of all stages.
+        origin: What tells the data and settings from others.
 
     Returns:
         Index of the stage, and seconds.
 
     Raises:
-        StorageError: If the file is absent or damaged, or was written on the way through other stages.
+        StorageError: If the file is absent or damaged, or comes from other data or settings, or another version.
     """
     _, plain = load_arrays(path)
-    if plain.get("stages") != ", ".join(stages):  # Another version's: the same number is another stage.
+    # Of another version's stages the same number is another one.
+    if (plain.get("stages"), plain.get("data and settings")) != (", ".join(stages), origin):
         raise StorageError(_foreign(path))
     numbers = _numbers(path, plain, {"stage": int, "seconds": float})
     return numbers["stage"], numbers["seconds"]
@@ -96,4 +100,7 @@ def _numbers(path: Path, plain: dict, kinds: dict[str, type]) -> dict:
 
 def _foreign(path: Path) -> str:
     """What to say of a checkpoint that something else wrote."""
-    return f"`{path}` must be a checkpoint of the same settings and version; its contents differ. Start a new run."
+    return (
+        f"`{path}` must be a checkpoint of the same data, settings and version; it is one of others. Go on with those, "
+        "or start anew in another folder."
+    )

@@ -91,6 +91,10 @@ class TrainingConfig:
         for name, bound in least.items():
             if getattr(self, name) < bound:
                 raise ValueError(f"`{name}` must be at least {bound}; got {getattr(self, name)}.")
+        if not (self.adam_steps or self.lm_steps):
+            raise ValueError(
+                "Training must have steps; `adam_steps` and `lm_steps` are both 0. Leave one at its default."
+            )
         for name in ("horizon", "lm_horizon", "lm_substeps"):
             value = getattr(self, name)
             if value is not None and value < 1:

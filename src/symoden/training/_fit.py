@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL, count_parameters, trainable
-from symoden.data import Dataset, check_trainable
+from symoden.data import DataError, Dataset, check_trainable
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, awaken, build, save
 from symoden.spaces import Space
@@ -22,6 +23,7 @@ from ._config import TrainingConfig
 from ._data import hold_out
 from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._flatten import cast, freed
+from ._gauss_newton import MOST_SOLVED
 from ._levenberg_stage import LevenbergStage
 from ._line_up import line_up
 from ._run import MODEL, Journal, Progress, Stopwatch, run
@@ -72,7 +74,7 @@ def fit(
     *,
     model: ModelConfig | None = None,
     config: TrainingConfig | None = None,
-    folder: Path | None = None,
+    folder: Path | str | None = None,
     resume: bool = False,
     members: int = 0,
     max_minutes: float | None = None,
@@ -104,7 +106,7 @@ def fit(
         TrainingError: If no model was found whose mean squared errors are finite and below a thousand times the motion.
         ValueError: If members are wanted and training has no Levenberg-Marquardt.
         DataError: If every recording is shorter than a window, nothing moves, or a given part cannot be a mechanism's.
-        StorageError: If `folder` cannot be written, or its checkpoint is damaged or of other settings.
+        StorageError: If `folder` cannot be written, or its checkpoint is damaged, or of other data or settings.
 
     Example:
         >>> import numpy as np
@@ -124,7 +126,9 @@ def fit(
         )
     model, config = model or ModelConfig(), config or TrainingConfig()
     check_members(members, config)
-    journal = Journal(folder=folder)
+    folder = None if folder is None else Path(folder)
+    told = repr((dataset.digest, model, config))
+    journal = Journal(folder=folder, origin=hashlib.sha256(told.encode()).hexdigest())
     precision = jnp.zeros(()).dtype  # The user's; inside, arrays have another.
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
@@ -168,6 +172,8 @@ def fit(
 
 def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
     """Split the recordings, build the model, and line up the stages."""
+    if not dataset.train:
+        raise DataError(f"`{dataset.name}`: training must have recordings in `train`; got none.")
     check_trainable(dataset)
     dataset = hold_out(dataset, config)
     fresh = _builder(dataset, model, config)
@@ -177,8 +183,14 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
     awake = (fresh(number, awake=True) for number in range(2))
     if config.lm_steps and eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake)):
         candidates = []  # Nothing is: from a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
-    if not count_parameters(dynamics):
+    size = count_parameters(dynamics)
+    if not size:
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
+    if config.lm_steps and size > MOST_SOLVED:
+        raise ValueError(
+            f"Levenberg-Marquardt must have at most {MOST_SOLVED} numbers to learn, as its matrices hold the squares; "
+            f"the model has {size}. Take smaller networks, or Adam alone: `lm_steps=0`."
+        )
     stages = line_up(dataset, dynamics, candidates, config)
     weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
     state = TrainingState(
@@ -187,7 +199,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         model=dynamics,
         memory=None,
         damping=config.damping,
-        substeps=config.lm_substeps or 1,
+        substeps=(config.lm_substeps or 1) if config.lm_steps else config.substeps,
         weighing=weighing,
         best=dynamics,
         best_loss=math.inf,
@@ -204,7 +216,7 @@ def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: 
     Stages count errors otherwise, and some are judged by recordings that others are fitted to.
 
     Returns:
-        The state; of training that ended before second-order steps on rollouts with integration as fine as they need.
+        The state, with integration as fine as rollouts need.
     """
     rollouts = [(k, each) for k, each in enumerate(stages) if isinstance(each, LevenbergStage) and not each.regresses]
     if not rollouts:
@@ -212,7 +224,10 @@ def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: 
     if state.stage < rollouts[0][0]:
         return rollouts[0][1].rated(state)
     gone = [stage for k, stage in rollouts if not stage.parted and (completed or k <= state.stage)]
-    return state._replace(best_loss=gone[-1].rated(state).best_loss) if gone else state
+    if not gone:
+        return state
+    rated = gone[-1].rated(state)
+    return state._replace(best_loss=rated.best_loss, substeps=rated.substeps)
 
 
 def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:

@@ -26,6 +26,7 @@ Parameters = Float[Array, " P"]
 Sensitivity = Float[Array, "s P"]
 
 MOST_PARAMETERS: Final = 4000  # Beyond, matrices take gigabytes, and what is done with them in every step minutes.
+MOST_SOLVED: Final = 12_000  # Beyond, each of these matrices takes more than a gigabyte.
 
 _LARGEST_JACOBIAN = 2**23  # Entries of a block.
 _MOST_KEPT = 2**28  # Entries of all blocks.

@@ -89,9 +89,11 @@ class Journal:
 
     Attributes:
         folder: Folder of the run, if any.
+        origin: What tells the run's data and settings from others.
     """
 
     folder: Path | None
+    origin: str
 
     @property
     def checkpoint(self) -> Path | None:
@@ -119,11 +121,11 @@ class Journal:
             The saved state, the metrics up to it and the time spent [s]; the fresh start without a checkpoint.
 
         Raises:
-            StorageError: If the checkpoint is damaged or of other settings.
+            StorageError: If the checkpoint is damaged, or of other data or settings.
         """
         if self.checkpoint is None or not self.checkpoint.exists():
             return stages[0].start(state), [], 0.0
-        stage, seconds = read_progress(self.checkpoint, _names(stages))
+        stage, seconds = read_progress(self.checkpoint, _names(stages), self.origin)
         like = stages[min(stage, len(stages) - 1)].start(state)
         state = load_checkpoint(self.checkpoint, like)
         return state, self._lines(seconds), seconds
@@ -158,7 +160,7 @@ class Journal:
         if self.checkpoint is None or self.metrics is None:
             return
         write_atomically(self.metrics, "".join(json.dumps(line) + "\n" for line in lines).encode())
-        save_checkpoint(self.checkpoint, state, stages=_names(stages), seconds=seconds)
+        save_checkpoint(self.checkpoint, state, stages=_names(stages), origin=self.origin, seconds=seconds)
 
 
 def run(
