@@ -97,6 +97,15 @@ def test_how_training_went_goes_with_what_came_of_it(arm, tmp_path, capsys):
             assert (f"not all of training is done: {outcome}" in capsys.readouterr().err) != completed
 
 
+def test_bands_without_test_recordings_leave_all_other_scores(arm, arm_run, tmp_path, capsys):
+    shutil.copytree(arm.parent, tmp_path / "data")
+    source = tmp_path / "data" / arm.name
+    source.write_text(source.read_text().partition("[test]")[0])
+    found = answer(capsys, "evaluate", arm_run, source, "--bands")
+    assert len(found["recordings"]) >= 1
+    assert found["bands"]["unavailable"].startswith("Bands need recordings in the part `test`")
+
+
 def test_too_few_windows_give_no_bands_but_all_else(arm_run, tmp_path, capsys):
     run = tmp_path / "run"
     shutil.copytree(arm_run, run)

@@ -4,6 +4,7 @@ from dataclasses import asdict
 
 from symoden.experiments import (
     Bands,
+    BandScore,
     RunConfig,
     Source,
     read_model,
@@ -34,8 +35,7 @@ def run(command: Evaluate) -> None:
     name_unfinished(config)
     source = own_source(config) if command.source is None else read_run_source(config, command.source)
     scores = report_scores(model, config, source, json=command.general.json).values
-    bands, missing = _bands(command, config, model, source) if command.bands else (None, "")
-    score = bands and score_bands(bands, source.dataset.test)
+    bands, score, missing = _bands(command, config, model, source) if command.bands else (None, None, "")
     if bands is not None:
         name_untold_inputs(command.run, model, config, bands.posterior)
     if command.figure is not None:
@@ -50,13 +50,16 @@ def run(command: Evaluate) -> None:
         print(f"\nrecordings and rollouts are drawn in {command.figure}")
 
 
-def _bands(command: Evaluate, config: RunConfig, model: AbstractDynamics, source: Source) -> tuple[Bands | None, str]:
-    """Bands of the run's rollouts, or why there are none."""
+def _bands(
+    command: Evaluate, config: RunConfig, model: AbstractDynamics, source: Source
+) -> tuple[Bands | None, BandScore | None, str]:
+    """Bands of the run's rollouts, what they cover of the test recordings, and why one of both is missing."""
     own = source if command.source is None else own_source(config)
+    bands = None
     try:
-        posterior = posterior_of(command.run, model, config, own.dataset)
+        bands = bands_of(posterior_of(command.run, model, config, own.dataset), config, own.dataset)
+        return bands, score_bands(bands, source.dataset.test), ""
     except StorageError:
         raise
-    except ValueError as error:  # Too few windows, or too many parameters: the scores are worth having all the same.
-        return None, str(error)
-    return bands_of(posterior, config, own.dataset), ""
+    except ValueError as error:  # Too few windows, too many parameters, or no test: other scores are worth having.
+        return bands, None, str(error)
