@@ -236,6 +236,27 @@ def test_what_a_mechanism_has_is_not_refused():
     check_known(KnownParts(potential_energy="3*q1", dissipation_matrix=[[0, 0], [0, 0]]), SPACE, 1, STATES, RATES)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-4, 1e3])
+def test_units_do_not_make_a_matrix_definite_or_not(unit):
+    """The second coordinate is counted in another unit: 200 kg beside 1e-4 kg m² are as definite as in any other."""
+
+    def check(name, a, b, c):
+        check_known(KnownParts(**{name: [[a, b * unit], [b * unit, c * unit**2]]}), SPACE, 1, STATES, RATES)
+
+    check("mass_matrix", 200.0, 10.0, 1.0)
+    check("dissipation_matrix", 4.0, 2.0, 1.0)
+    check("dissipation_matrix", 0.0, 0.0, 1.0)
+    for name, *entries in (
+        ("mass_matrix", 200.0, 15.0, 1.0),
+        ("mass_matrix", 200.0, 0.0, -1.0),
+        ("dissipation_matrix", 4.0, 2.1, 1.0),
+        ("dissipation_matrix", 4.0, 0.0, -1e-3),
+        ("dissipation_matrix", 0.0, 0.1, 1.0),
+    ):
+        with pytest.raises(ValueError, match=r"must be positive (semi)?definite"):
+            check(name, *entries)
+
+
 MISFITS = [
     ({"mass_matrix": [[1]]}, "`mass_matrix` must be 2 × 2; got 1 × 1"),
     ({"input_matrix": [[1, 0], [0, 1]]}, "`input_matrix` must be 2 × 1; got 2 × 2"),

@@ -67,11 +67,10 @@ def check_known(known: KnownParts, space: Space, inputs: int, q: np.ndarray, v: 
         ("dissipation_matrix", values.friction, "semidefinite"),
     ):
         if matrices is not None:
-            X = np.asarray(matrices, float)
-            slack = _SLACK * np.maximum(np.abs(X).max(axis=(1, 2)), 1e-300)
-            _refuse(name, np.abs(X - X.swapaxes(1, 2)).max(axis=(1, 2)) > slack, q, v, "symmetric")
+            X = _without_units(np.asarray(matrices, float))
+            _refuse(name, np.abs(X - X.swapaxes(1, 2)).max(axis=(1, 2)) > _SLACK, q, v, "symmetric")
             least = np.linalg.eigvalsh(X)[:, 0]
-            _refuse(name, least <= slack if definite == "definite" else least < -slack, q, v, f"positive {definite}")
+            _refuse(name, least <= _SLACK if definite == "definite" else least < -_SLACK, q, v, f"positive {definite}")
     for i in np.flatnonzero(space.is_angle):
         turned = _values(blocks, jnp.asarray(q + 2 * np.pi * np.eye(space.size)[i], float), jnp.asarray(v, float))
         for name, here, there in zip(names, values, turned, strict=True):
@@ -115,6 +114,15 @@ def _some(rows: np.ndarray) -> np.ndarray:
 def _rms(samples: np.ndarray) -> np.ndarray:
     """Root mean square of every column."""
     return np.sqrt(np.mean(samples**2, axis=0))
+
+
+def _without_units(matrices: Float[np.ndarray, "K n n"]) -> Float[np.ndarray, "K n n"]:
+    """Matrices whose diagonals are ±1 or 0: 200 kg beside 1e-4 kg m² is as definite as in any other units."""
+    scale = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
+    # Beside a zero on the diagonal of a semidefinite matrix there are zeros: what is not counts as large.
+    others = np.abs(matrices).max(axis=2) / np.maximum(scale.max(axis=1, keepdims=True), 1e-300)
+    scale = np.where(scale > 0, scale, np.where(others > 0, others, 1.0))
+    return matrices / scale[:, :, None] / scale[:, None, :]
 
 
 @eqx.filter_jit
