@@ -108,6 +108,8 @@ class Trajectory:
     def cut(self, start: int, stop: int, *, name: str) -> "Trajectory":
         """Take the samples [start, stop) as a recording of its own, with its time stamps.
 
+        Of estimated rates so many stay `one_sided`, at ends that are cut too: those there have seen beyond the cut.
+
         Args:
             start: First sample.
             stop: Sample after the last one.

@@ -163,7 +163,8 @@ def _inner(recording: Trajectory) -> Trajectory:
     edge = int(np.searchsorted(recording.ts - recording.ts[0], recording.one_sided * (1 - 1e-9)))
     if 2 * edge > _MOST_LEFT_OUT * len(recording):
         return recording
-    return recording.cut(edge, len(recording) - edge, name=recording.name)
+    inner = recording.cut(edge, len(recording) - edge, name=recording.name)
+    return dataclasses.replace(inner, one_sided=0.0)  # What is left is good, and is not cut again.
 
 
 def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
