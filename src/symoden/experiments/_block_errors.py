@@ -19,7 +19,7 @@ class BlockErrors:
     Of a matrix, the Frobenius norm of the deviation relative to that of the truth, worst over the states.
 
     Attributes:
-        gauge: The β by which learned momenta differ from the true ones, found from g alone; 1 for momentum data.
+        gauge: β = true g / learned g, found from g alone; 1 for momentum data.
         inverse_mass: Of M⁻¹.
         potential: Largest deviation of V up to a constant, relative to the range of the true V.
         actuation: Of g.

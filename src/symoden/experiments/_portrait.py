@@ -64,7 +64,8 @@ class Portrait:
 
     Attributes:
         blocks: Curves of each block; V up to a constant, D at the root mean square of each velocity.
-        gauge: The β by which the learned momenta p/β differ from the true ones; already taken out of the blocks.
+        gauge: β = true g / learned g, the learned model being `rescale(truth, β)`; already taken out of the blocks, as
+            `rescale(model, 1 / gauge)` does.
         anchored: Whether the data fix the scale, so that β is 1 and was not fitted.
     """
 
@@ -190,7 +191,7 @@ def fit_gauge(
         v: Velocities there.
 
     Returns:
-        The least squares estimate; exact if the model is a rescaled truth.
+        The least squares estimate; exact if the model is `rescale(truth, β)`.
     """
     true, learned = _evaluate(truth, q, v), _evaluate(model, q, v)
     pairs = (

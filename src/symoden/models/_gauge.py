@@ -42,8 +42,8 @@ def rescale(model: Model, beta: float) -> Model:
     """Change the unit of momentum, p' = p/β, which leaves every prediction as it was.
 
     With it M⁻¹' = β M⁻¹, V' = V/β, g' = g/β and D' = D/β (in the paper's full D, the blocks on ∂H/∂q and ∂H/∂p
-    change by β and 1/β). Only given scales change; the weights stay. With β the ratio of learned to true g, learned
-    parts can be held against true ones.
+    change by β and 1/β). Only given scales change; the weights stay. With β = learned g / true g, learned parts can
+    be held against true ones.
 
     Args:
         model: Model of velocity data.

@@ -14,7 +14,8 @@ class TrainingConfig:
         substeps: RK4 steps in each sampling interval while Adam runs.
         unroll: Write Adam's rollouts out instead of looping over steps: slower to compile, faster for networks of the
             paper's size over few steps.
-        restarts: Number of initial weights that Adam starts from; the one with the least validation loss goes on.
+        restarts: Number of initial weights that Adam starts from; the one with the least validation loss goes on (the
+            least training loss without validation).
         adam_steps: Number of Adam's steps from each of them; none where a regression has found the basin, which comes
             first on three coordinates and more.
         batch_size: Windows in one of Adam's steps.
@@ -31,8 +32,8 @@ class TrainingConfig:
         lm_substeps: RK4 steps in each sampling interval then; chosen by their error if None.
         lm_samples: Most samples that it predicts in a step; of long logs, windows that are spaced evenly hold so many.
         damping: First Levenberg-Marquardt damping, relative to the diagonal of JᵀJ.
-        prior: Precision of the Gaussian prior on every parameter, in units of the residuals' variance; where priors are
-            learned, the first one.
+        prior: Precision λ of the Gaussian prior on every (dimensionless) parameter in Levenberg-Marquardt: its standard
+            deviation is 1/√λ, whatever the noise; where priors are learned, the first one.
         patience: Steps without a gain on the validation data after which Levenberg-Marquardt stops; where something is
             set free, without a clear one on the training data either.
         growth_steps: Largest number of steps of each stage that sets something free (lengths in the inertia, a g that

@@ -137,7 +137,8 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         weighing = Weighing.plain(data.objective.weights.size, expected_level(*where))
         # As training weighs errors while it learns priors, once what these keep is free.
         residuals = np.asarray(evaluate_residuals(model, data.objective.refined(solver, weighing), data.train), float)
-        if config.relevance_steps and mean_square(residuals) >= EXPLAINED:
+        explained = config.scaled_loss and mean_square(residuals) < EXPLAINED  # Losses that carry units do not tell.
+        if config.relevance_steps and not explained:
             weighing = weighing.whitened(residuals)
         objective = data.objective.refined(solver, weighing)
         equations = Linearization.at(restore, theta, objective, data.train).normal_equations()

@@ -68,7 +68,7 @@ class LevenbergStage(AbstractStage):
         after: Only where the best model comes from this stage or a later one, by their indices.
         parted: It fits some recordings and is judged by others.
         rivals: What it makes is not kept, but what the next one must improve on: the best model knows what judges it.
-        rivalled: It begins with that, and has nothing to do where that predicts nothing of the others.
+        rivalled: It begins with what the stage before refitted, if that predicts what judges it; else it is left out.
         joins: It goes on with what the stage before has made; both are kept or neither.
     """
 
