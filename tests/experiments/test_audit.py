@@ -126,8 +126,8 @@ def test_friction_is_a_force_along_each_velocity(cartpole):
 def test_every_model_can_be_inspected(cartpole, kind, momenta):
     model = small(kind, "R1 T1", momenta=momenta)
     found = inspected(model, cartpole)
-    assert (found.mass_matrix_eigenvalues is None) == (kind == "naive")
-    assert (found.dissipation_eigenvalues is None) == (kind in ("naive", "geometric"))
+    for each in (found.mass_matrix_eigenvalues, found.dissipation_eigenvalues, found.profiles[0].mass_matrix):
+        assert (each is None) == (kind in ("naive", "geometric"))
     if found.mass_matrix_eigenvalues is not None and (kind, momenta) != ("unstructured", True):
         assert 0 < found.mass_matrix_eigenvalues[0] <= found.mass_matrix_eigenvalues[1]
     assert found.anchor == ("momenta measured" if momenta else "none: only ratios are known")

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from symoden.blocks import count_active, count_parameters
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
-from symoden.models import GeometricModel, Given, StructuredModel, given_parts, parts_that_fix_the_scale
+from symoden.models import Given, StructuredModel, given_parts, parts_that_fix_the_scale
 from symoden.shapes import Coordinates, Rates
 
 from ._ranges import Ranges
@@ -142,13 +142,12 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
     q, rates = (jnp.asarray(part) for part in np.split(states, 2, axis=1))
     speeds = None
     mass = dissipation = None
-    if isinstance(model, AbstractPortHamiltonian | GeometricModel):
+    if isinstance(model, AbstractPortHamiltonian):  # The geometric baseline's network may undo any M: it tells nothing.
         inverse = np.asarray(_inverse_masses(model, q))
         v = np.einsum("kij,kj->ki", inverse, np.asarray(rates)) if model.momenta else np.asarray(rates)
         speeds = np.abs(v).max(axis=0)
         mass = _extremes(np.linalg.inv(inverse))
-        if isinstance(model, AbstractPortHamiltonian):
-            dissipation = _extremes(np.asarray(_dissipations(model, q, jnp.asarray(v))))
+        dissipation = _extremes(np.asarray(_dissipations(model, q, jnp.asarray(v))))
     grids = [np.linspace(a, b, points) for a, b in zip(q_low, q_high, strict=True)]
     middle = (q_low + q_high) / 2
     return Inspection(
@@ -228,9 +227,8 @@ def _profile(
     q[:, coordinate] = grid
     at = jnp.asarray(q)
     mass = potential = inputs = dissipation = None
-    if isinstance(model, AbstractPortHamiltonian | GeometricModel):
-        mass = np.linalg.inv(np.asarray(_inverse_masses(model, at)))
     if isinstance(model, AbstractPortHamiltonian) and speeds is not None:
+        mass = np.linalg.inv(np.asarray(_inverse_masses(model, at)))
         energies = np.asarray(jax.vmap(lambda q: model.hamiltonian(q, jnp.zeros_like(q)))(at))
         potential = energies - energies.min()
         inputs = np.asarray(jax.vmap(model.input_matrix)(at))
@@ -281,13 +279,9 @@ def _extremes(matrices: Float[np.ndarray, "K d d"]) -> tuple[float, float]:
 
 
 @eqx.filter_jit
-def _inverse_masses(model: AbstractPortHamiltonian | GeometricModel, q: Float[Array, "K n"]) -> Float[Array, "K n n"]:
+def _inverse_masses(model: AbstractPortHamiltonian, q: Float[Array, "K n"]) -> Float[Array, "K n n"]:
     """M⁻¹ at many configurations."""
-
-    def one(q: Coordinates) -> Float[Array, "n n"]:
-        return model.inverse_mass(q) if isinstance(model, GeometricModel) else model.inverse_mass_matrix(q)
-
-    return jax.vmap(one)(q)
+    return jax.vmap(model.inverse_mass_matrix)(q)
 
 
 @eqx.filter_jit
