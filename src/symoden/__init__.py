@@ -30,6 +30,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "design": "symoden.control",
     "fit": "symoden.training",
     "load": "symoden.models",
+    "predict": "symoden.experiments",
     "read_dataset": "symoden.data",
     "read_urdf": "symoden.known",
     "rescale": "symoden.models",

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from symoden.blocks import without_silent
 from symoden.data import Dataset, Trajectory
-from symoden.integrate import HOLDS, AbstractSolver, Hold, Rollout, rollout
+from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout, rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.models import NaiveModel
 from symoden.spaces import Space
@@ -220,7 +220,11 @@ def _middle(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -
 
 
 def predict(
-    model: AbstractDynamics, trajectories: Sequence[Trajectory], *, hold: str, solver: AbstractSolver
+    model: AbstractDynamics,
+    trajectories: Sequence[Trajectory],
+    *,
+    hold: str = "zero",
+    solver: AbstractSolver | None = None,
 ) -> list[Prediction]:
     """Roll out recordings from their first states under their inputs.
 
@@ -230,13 +234,26 @@ def predict(
     Args:
         model: Learned model or analytic system.
         trajectories: Recordings of any lengths.
-        hold: What an input is between samples, a key of `HOLDS`.
-        solver: What advances rollouts.
+        hold: What an input is between samples, a key of `HOLDS`, as the data set says.
+        solver: What advances rollouts; four RK4 steps in a sampling interval if absent.
 
     Returns:
         One prediction for each recording.
+
+    Raises:
+        ValueError: If `hold` is no key of `HOLDS`.
+
+    Example:
+        >>> from symoden.systems import Pendulum
+        >>> ts = np.linspace(0.0, 1.0, 21)
+        >>> rest = Trajectory(name="rest", ts=ts, q=np.zeros((21, 1)), rates=np.zeros((21, 1)), us=np.zeros((21, 1)))
+        >>> (path,) = predict(Pendulum(), [rest])
+        >>> float(abs(path.q - rest.q).max())
+        0.0
     """
-    chosen = HOLDS[hold]
+    if hold not in HOLDS:
+        raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
+    chosen, solver = HOLDS[hold], RK4(4) if solver is None else solver
     begun = [_begun(model, trajectory, chosen, solver) for trajectory in trajectories]
     found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
     astray = [
