@@ -180,3 +180,44 @@ class AbstractMechanical(AbstractPortHamiltonian):
     def hamiltonian(self, q: Coordinates, p: Momenta) -> Scalar:
         """Kinetic plus potential energy [J]."""
         return 0.5 * p @ self.inverse_mass_matrix(q) @ p + self.potential_energy(q)
+
+
+def potential(system: AbstractPortHamiltonian, q: Coordinates) -> Scalar:
+    """Potential energy V(q) = H(q, 0), for models without a block of its own too.
+
+    Args:
+        system: Analytic system or learned system.
+        q: Coordinates.
+
+    Returns:
+        The energy at rest.
+    """
+    return system.hamiltonian(q, jnp.zeros_like(q))
+
+
+def gradient(system: AbstractPortHamiltonian, q: Coordinates) -> Velocities:
+    """Force of the potential energy with its sign turned, ∇V.
+
+    Args:
+        system: Analytic system or learned system.
+        q: Coordinates.
+
+    Returns:
+        The gradient.
+    """
+    return jax.grad(potential, argnums=1)(system, q)
+
+
+def friction_matrix(system: AbstractPortHamiltonian, q: Coordinates, v: Velocities) -> SquareMatrix:
+    """Friction on the momenta, n × n; of a full 2n × 2n D, that block.
+
+    Args:
+        system: Analytic system or learned system.
+        q: Coordinates.
+        v: Velocities.
+
+    Returns:
+        The matrix.
+    """
+    n = system.space.size
+    return system.dissipation_matrix(q, v)[-n:, -n:]

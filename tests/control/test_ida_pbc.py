@@ -15,8 +15,8 @@ from symoden.control import IdaPbc, Loop, Regulator, judge, run_episodes
 from symoden.control._expansion import Expansion
 from symoden.control._linear_matching import LinearMatching
 from symoden.control._matching import annihilator, unactuated
-from symoden.control._motion import friction_matrix
 from symoden.known import KnownParts
+from symoden.mechanics import friction_matrix
 from symoden.models import ModelConfig, build, rescale
 from symoden.spaces import Space
 from symoden.systems import CartPole

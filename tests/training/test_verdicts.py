@@ -1,6 +1,7 @@
 """What is said of a stage beside whether it is kept."""
 
 import dataclasses
+import math
 
 import jax
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from symoden.blocks import FRICTION
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
+from symoden.training._residuals import evaluate_loss
 
 
 def test_friction_that_learned_priors_set_free_is_named(stage, monkeypatch):
@@ -28,5 +30,18 @@ def test_friction_that_learned_priors_set_free_is_named(stage, monkeypatch):
 def test_verdicts_of_few_windows_say_how_many(stage, windows, words):
     stage, state = stage
     data = stage.data._replace(validation=stage.data.train.take(np.arange(windows) % len(stage.data.train.ts)))
-    _, why = data.gain(state.best, 1.0, state.best, stage.objective(1, state.weighing))
+    _, why = data.gain(state.best, 0.0, state.best, stage.objective(1, state.weighing))
     assert why.endswith(f"+0.00 standard errors{words}")
+
+
+@pytest.mark.parametrize("windows", [1, 2, 4, 5])
+def test_what_few_windows_lose_is_lost_whatever_standard_errors_say(stage, windows):
+    stage, state = stage
+    data = stage.data._replace(validation=stage.data.train.take(np.arange(windows) % len(stage.data.train.ts)))
+    objective = stage.objective(1, state.weighing)
+    before = float(evaluate_loss(state.best, objective, data.judged))
+    for times in (2.9, 3.1):
+        gain, why = data.gain(state.best, times * before, state.best, objective)
+        lost = windows < 5 and times > 3
+        assert gain == (-math.inf if lost else 0.0)
+        assert ("3 times as much or more" in why) == lost

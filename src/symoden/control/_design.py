@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential
 from symoden.shapes import Coordinates, Scalar
 
 from ._attraction import attraction, follower_level
@@ -19,7 +19,6 @@ from ._follower import Follower
 from ._handover import Handover
 from ._ida_pbc import IdaPbc
 from ._lagrangian import ControlledLagrangian
-from ._motion import potential
 from ._plan import plan_motion
 from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate
 from ._regulator import Regulator

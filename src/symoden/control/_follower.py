@@ -8,12 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractPortHamiltonian
+from symoden.mechanics import AbstractPortHamiltonian, potential
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, as_array, saturate
-from ._motion import potential
 from ._plan import Motion, motion_step
 from ._regulator import Regulator
 from ._scales import bandwidth

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractPortHamiltonian
+from symoden.mechanics import AbstractPortHamiltonian, gradient
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
@@ -16,7 +16,6 @@ from ._controller import AbstractController, Limits, Target, as_array, input_lim
 from ._expansion import Expansion
 from ._linear_matching import Gains, LinearMatching
 from ._matching import Collocation, annihilator, coriolis_form, coriolis_tensor, unactuated
-from ._motion import gradient
 from ._scales import bandwidth
 
 _LENGTH: Final = 0.5

@@ -11,11 +11,10 @@ import scipy.linalg
 import scipy.optimize
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractPortHamiltonian
+from symoden.mechanics import AbstractPortHamiltonian, gradient
 from symoden.shapes import Coordinates, InputMatrix, Scalar
 
 from ._expansion import Expansion
-from ._motion import gradient
 
 _POINTS: Final = 400
 _ORDER: Final = 6

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
-from symoden.shapes import Coordinates, InputMatrix, Inputs, Scalar, SquareMatrix, Velocities
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, friction_matrix, gradient
+from symoden.shapes import Coordinates, InputMatrix, Inputs, SquareMatrix, Velocities
 
 
 class Terms(NamedTuple):
@@ -30,47 +30,6 @@ class Terms(NamedTuple):
     def bias(self) -> Velocities:
         """Forces without input, to the left of the equality sign."""
         return self.coriolis + self.gradient + self.friction
-
-
-def potential(model: AbstractPortHamiltonian, q: Coordinates) -> Scalar:
-    """Potential energy V(q) = H(q, 0), for models without a block of its own too.
-
-    Args:
-        model: System or model.
-        q: Coordinates.
-
-    Returns:
-        The energy at rest.
-    """
-    return model.hamiltonian(q, jnp.zeros_like(q))
-
-
-def gradient(model: AbstractPortHamiltonian, q: Coordinates) -> Velocities:
-    """Force of the potential energy with its sign turned, ∇V.
-
-    Args:
-        model: System or model.
-        q: Coordinates.
-
-    Returns:
-        The gradient.
-    """
-    return jax.grad(potential, argnums=1)(model, q)
-
-
-def friction_matrix(model: AbstractPortHamiltonian, q: Coordinates, v: Velocities) -> SquareMatrix:
-    """Friction on the momenta, n × n; of a full 2n × 2n D, that block.
-
-    Args:
-        model: System or model.
-        q: Coordinates.
-        v: Velocities.
-
-    Returns:
-        The matrix.
-    """
-    n = model.space.size
-    return model.dissipation_matrix(q, v)[-n:, -n:]
 
 
 def terms(model: AbstractPortHamiltonian, q: Coordinates, v: Velocities) -> Terms:

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractPortHamiltonian
+from symoden.mechanics import AbstractPortHamiltonian, friction_matrix, gradient, potential
 from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
-from ._motion import friction_matrix, gradient, potential, terms
+from ._motion import terms
 from ._scales import bandwidth, energy_range
 
 _STEEP: Final = 0.03  # Share of the range of energies at which pumping begins to fade.

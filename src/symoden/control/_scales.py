@@ -9,10 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractPortHamiltonian
+from symoden.mechanics import AbstractPortHamiltonian, friction_matrix, gradient, potential
 from symoden.shapes import Coordinates, Scalar, Velocities
-
-from ._motion import friction_matrix, gradient, potential
 
 _LEAST = 1.0
 _POINTS = 512

@@ -8,13 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from symoden.mechanics import AbstractPortHamiltonian
+from symoden.mechanics import AbstractPortHamiltonian, gradient
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
 from ._judge import Tolerance
-from ._motion import gradient
 from ._scales import bandwidth, configurations, slow_friction, static_load
 
 _COMPENSATED = 0.5  # A friction learned twice too large is not made up for more than wholly.

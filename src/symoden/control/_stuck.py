@@ -8,13 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, gradient
 from symoden.shapes import Coordinates, Inputs
 
 from ._controller import as_array
 from ._judge import Tolerance, judge
 from ._loop import Episode
-from ._motion import gradient
 from ._scales import slow_friction
 
 _PUSH = 0.01  # of friction; with less nothing is held, for nothing pushes.

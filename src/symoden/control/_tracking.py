@@ -8,12 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from symoden.mechanics import AbstractPortHamiltonian
+from symoden.mechanics import AbstractPortHamiltonian, friction_matrix, gradient
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, as_array, input_limits, saturate
-from ._motion import friction_matrix, gradient, terms
+from ._motion import terms
 from ._scales import bandwidth
 
 Reference: TypeAlias = Callable[[Scalar], Coordinates]

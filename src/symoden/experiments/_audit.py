@@ -13,8 +13,8 @@ from jaxtyping import Array, Float
 from symoden.blocks import without_silent
 from symoden.data import Trajectory
 from symoden.integrate import HOLDS, AbstractSolver, Hold
-from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
-from symoden.shapes import Coordinates, Inputs, Scalar, State
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential
+from symoden.shapes import Inputs, Scalar, State
 
 from ._batches import Segment, Stretch, in_batches, pieces
 from ._ranges import Ranges
@@ -199,14 +199,9 @@ def _balance(model: AbstractPortHamiltonian, states: Float[Array, "T s"], energi
     def energy(state: State) -> tuple[Scalar, Scalar]:
         q, p = jnp.split(state, 2)
         total = model.hamiltonian(q, p)
-        return total, total - _rest_energy(model, q)
+        return total, total - potential(model, q)
 
     total, kinetic = jax.vmap(energy)(states)
     residual = total[1:] - total[0] - energies.supplied + energies.dissipated
     moved = energies.throughput[-1] + jnp.max(kinetic) - jnp.min(kinetic) + jnp.finfo(total.dtype).tiny
     return jnp.max(jnp.abs(residual)) / moved, moved
-
-
-def _rest_energy(model: AbstractPortHamiltonian, q: Coordinates) -> Scalar:
-    """Energy at rest: the potential energy."""
-    return model.hamiltonian(q, jnp.zeros_like(q))

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractPortHamiltonian
+from symoden.mechanics import AbstractPortHamiltonian, friction_matrix, gradient, potential
 from symoden.models import StructuredModel, parts_that_fix_the_scale
 from symoden.shapes import Scalar
 from symoden.training import AbstractPosterior, Ensemble, Laplace
@@ -174,7 +174,7 @@ def _blocks(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray) -> _Bl
     def one(q: Array, v: Array) -> _Blocks:
         return _Blocks(
             mass=jnp.linalg.inv(model.inverse_mass_matrix(q)),
-            potential=model.hamiltonian(q, jnp.zeros_like(q)),
+            potential=potential(model, q),
             inputs=model.input_matrix(q),
             dissipation=model.dissipation_matrix(q, v),
         )
@@ -187,10 +187,10 @@ def _accelerations(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray)
 
     def one(q: Array, v: Array) -> _Accelerations:
         inverse = model.inverse_mass_matrix(q)
-        slope = jax.grad(lambda q: model.hamiltonian(q, jnp.zeros_like(q)))(q)
-        friction = model.dissipation_matrix(q, v)[-len(q) :, -len(q) :] @ v  # Of the full D, what acts on momenta.
         return _Accelerations(
-            inputs=inverse @ model.input_matrix(q), potential=inverse @ slope, friction=inverse @ friction
+            inputs=inverse @ model.input_matrix(q),
+            potential=inverse @ gradient(model, q),
+            friction=inverse @ friction_matrix(model, q, v) @ v,
         )
 
     return jax.vmap(one)(jnp.asarray(q), jnp.asarray(v))

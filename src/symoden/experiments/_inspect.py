@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.blocks import count_active, count_parameters
-from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential
 from symoden.models import Given, StructuredModel, given_parts, parts_that_fix_the_scale
 from symoden.shapes import Coordinates, Rates
 
@@ -226,18 +226,18 @@ def _profile(
     q = np.tile(middle, (len(grid), 1))
     q[:, coordinate] = grid
     at = jnp.asarray(q)
-    mass = potential = inputs = dissipation = None
+    mass = energies = inputs = dissipation = None
     if isinstance(model, AbstractPortHamiltonian) and speeds is not None:
         mass = np.linalg.inv(np.asarray(_inverse_masses(model, at)))
-        energies = np.asarray(jax.vmap(lambda q: model.hamiltonian(q, jnp.zeros_like(q)))(at))
-        potential = energies - energies.min()
+        energies = np.array(jax.vmap(lambda q: potential(model, q))(at))
+        energies -= energies.min()
         inputs = np.asarray(jax.vmap(model.input_matrix)(at))
         dissipation = np.asarray(_dissipations(model, at, jnp.asarray(np.tile(speeds / 2, (len(grid), 1)))))
     return Profile(
         coordinate=coordinate,
         values=grid,
         mass_matrix=mass,
-        potential_energy=potential,
+        potential_energy=energies,
         input_matrix=inputs,
         dissipation_matrix=dissipation,
     )

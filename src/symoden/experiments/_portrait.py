@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 from symoden.blocks import KnownValue
 from symoden.data import Trajectory
 from symoden.integrate import AbstractSolver
-from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, friction_matrix, potential
 from symoden.models import StructuredModel, UnstructuredModel
-from symoden.shapes import Coordinates, Scalar, SquareMatrix, Velocities
+from symoden.shapes import Coordinates, Velocities
 from symoden.spaces import Space
 
 from ._evaluate import Prediction, TaskScore, predict
@@ -271,17 +271,11 @@ def _evaluate(system: AbstractPortHamiltonian, q: Float[np.ndarray, "K n"], v: F
 def _at(system: AbstractPortHamiltonian, q: Float[Array, "K n"], v: Float[Array, "K n"]) -> _Blocks:
     """Blocks of a system at many states."""
 
-    def rest_energy(q: Coordinates) -> Scalar:
-        return system.hamiltonian(q, jnp.zeros_like(q))
+    def one(q: Coordinates, v: Velocities) -> _Blocks:
+        parts = system.inverse_mass_matrix(q), potential(system, q), system.input_matrix(q)
+        return _Blocks(*parts, friction_matrix(system, q, v))
 
-    def friction(q: Coordinates, v: Velocities) -> SquareMatrix:
-        n = system.space.size
-        return system.dissipation_matrix(q, v)[-n:, -n:]  # Of the full D, the part that acts on momenta.
-
-    at = jax.vmap(
-        lambda q, v: _Blocks(system.inverse_mass_matrix(q), rest_energy(q), system.input_matrix(q), friction(q, v))
-    )
-    return at(q, v)
+    return jax.vmap(one)(q, v)
 
 
 def _regauged(blocks: _Blocks, gauge: float) -> _Blocks:

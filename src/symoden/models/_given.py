@@ -26,7 +26,7 @@ from symoden.blocks import (
     ViscousFriction,
     trainable,
 )
-from symoden.mechanics import AbstractDynamics
+from symoden.mechanics import AbstractDynamics, gradient
 
 from ._structured import StructuredModel
 from ._unstructured import UnstructuredModel
@@ -116,7 +116,7 @@ def _value_and_slopes(
     def part(model: StructuredModel | UnstructuredModel) -> Float[Array, " r"]:
         of: dict[str, Callable[..., Array]] = {
             "mass_matrix": lambda q, v: model.mass_matrix(q),
-            "potential_energy": lambda q, v: jax.grad(lambda q: model.hamiltonian(q, jnp.zeros_like(q)))(q),
+            "potential_energy": lambda q, v: gradient(model, q),
             "input_matrix": lambda q, v: model.input_matrix(q),
             "dissipation_matrix": model.dissipation_matrix,
         }

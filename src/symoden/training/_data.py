@@ -50,6 +50,7 @@ _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every 
 _NAMED = 3
 _FAR = 0.1  # Share of a loss that chance does not take it to, where so many and so large a share of windows say so.
 _FEW, _MOSTLY = 3, 0.75
+LOST: Final = 3.0  # Validation loss over the best one. Of 50 stages with four such steps in a row none was kept.
 _HARDLY_ANY: Final = 4  # Windows, whose number is then worth a word: their verdict is hardly one.
 _LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
 
@@ -84,7 +85,8 @@ class Data(NamedTuple):
         Losses of different stages cannot be compared: these count errors otherwise, in other windows.
 
         Returns:
-            Standard errors as `compare` counts them, of the opposite sign; both losses and these.
+            Standard errors as `compare` counts them, of the opposite sign, minus infinity where few windows are lost:
+            theirs tell little. Both losses and these.
         """
         gain = -self.compare(model, before, objective)
         windows = self.judged.ts.shape[0]
@@ -93,6 +95,8 @@ class Data(NamedTuple):
         if math.isinf(gain):
             size = "a tenth or less" if gain > 0 else "tenfold or more"
         other = evaluate_loss(before, objective, self.judged)
+        if few and loss > LOST * other and math.isfinite(gain):
+            gain, size = -math.inf, f"{size}, which hardly tell, but {LOST:g} times as much or more"
         return gain, f"validation loss {loss:.2g}, before {other:.2g}: {size}"
 
     def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: AbstractObjective) -> float:

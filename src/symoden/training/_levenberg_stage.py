@@ -13,7 +13,7 @@ from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
 from ._config import TrainingConfig
-from ._data import Data
+from ._data import LOST, Data
 from ._flatten import Flattening, cast, drawn, freed
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
@@ -30,7 +30,6 @@ _STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as
 _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _FALLING: Final = 0.02  # One that is more than noise that is fitted, or loss that is given for evidence and back.
-_LOST: Final = 3.0  # Validation loss over the best one. Of 50 stages with four such steps in a row none was kept.
 _EVIDENT: Final = 1.0  # Gain of the evidence's logarithm that is worth a mention (Kass & Raftery, 1995, Bayes factors).
 
 
@@ -260,7 +259,7 @@ class LevenbergStage(AbstractStage):
         if self.rivals:  # Validation was fitted to before.
             return step.falls_by(_FALLING)
         # A network takes a dozen steps to find its shape, in which validation goes up and down.
-        lost = judged > _LOST * least
+        lost = judged > LOST * least
         return (judged < least and step.falls_by(_STALLED)) or (self.frees and not lost and step.falls_by(_FALLING))
 
     def _weighed(self, best: AbstractDynamics, state: TrainingState) -> tuple[Weighing, float]:
