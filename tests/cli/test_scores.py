@@ -8,7 +8,7 @@ from symoden.cli._scores import poor, share_of_motion
 from symoden.experiments import MotionScore, RecordingScore, WindowScore
 
 
-def recording(error, motion, name="run"):
+def recording(error, motion, name="run", coasting=math.nan):
     return RecordingScore(
         name=name,
         split="train",
@@ -16,7 +16,7 @@ def recording(error, motion, name="run"):
         window_rmse=WindowScore(horizon_s=1.0, median=error, mean=error),
         rollout_rmse=error,
         motion=motion,
-        in_motion=MotionScore(error=error, motion=motion),
+        in_motion=MotionScore(error=error, motion=motion, coasting=coasting),
     )
 
 
@@ -35,6 +35,22 @@ def test_predictions_that_are_hardly_better_than_standing_still_are_called_so(re
     words = poor(recordings)
     assert bool(words) == is_poor
     assert not is_poor or "hardly better than standing still" in words
+
+
+@pytest.mark.parametrize(
+    ("error", "coasting", "is_poor"),
+    [
+        (0.3, 0.3, True),  # An arm that goes on as it went, with currents of the wrong sign.
+        (0.1, 0.3, False),
+        (0.3, 2.0, False),  # A pendulum never does.
+        (0.05, 0.02, False),  # Nothing is better on a wheel that turns evenly.
+    ],
+)
+def test_predictions_that_are_hardly_better_than_coasting_are_called_so(error, coasting, is_poor):
+    words = poor([recording(error, 1.0, coasting=coasting)])
+    assert bool(words) == is_poor
+    assert not is_poor or "going on at the first velocity is off by 0.3, in the mean" in words
+    assert not is_poor or "hardly better than that. An input that has the wrong sign" in words
 
 
 def test_predictions_that_diverge_are_not_blamed_on_inputs():

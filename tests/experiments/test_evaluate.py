@@ -145,6 +145,17 @@ def test_windows_at_rest_do_not_hide_what_motion_is_predicted_like():
     assert score.window_rmse.median < 1e-9
     assert 0.2 < score.in_motion.motion < 0.6
     assert 0.05 < score.in_motion.error < 1.0
+    assert 0.2 < score.in_motion.coasting < 1.5
+
+
+@pytest.mark.parametrize("momenta", [False, True])
+def test_what_goes_on_as_at_first_coasts_exactly(momenta):
+    ts = 0.05 * np.arange(41)
+    wheel = Trajectory(name="wheel", ts=ts, q=3.0 * ts[:, None], rates=np.full((41, 1), 3.0), us=np.zeros((41, 1)))
+    system = Pendulum(momenta=momenta)
+    (score,) = score_recordings(system, Dataset(name="d", space="T1", train=(wheel,), momenta=momenta), solver=RK4(4))
+    assert score.in_motion.motion > 1
+    assert np.isnan(score.in_motion.coasting) if momenta else score.in_motion.coasting < 1e-9
 
 
 def test_a_rest_that_is_predicted_to_end_counts():

@@ -3,7 +3,7 @@
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, astuple
 from typing import Final, NamedTuple
 
 from symoden.blocks import count_parameters
@@ -27,7 +27,8 @@ from ._output import TableText, number, print_table
 _ERRORS = ("train", "test", "prediction")
 _FEW = 4  # Coordinates that have a column each.
 _AS_BAD: Final = 0.1  # Share of the largest error.
-_POOR: Final = 0.5  # Share of the way that positions go in a second.
+_POOR: Final = 0.5  # Share of the way that positions go in a second, or of what going on as at first is off by.
+_SLIGHT: Final = 0.2  # Share of that way: noise alone tells what is off by less.
 
 
 class Scores(NamedTuple):
@@ -105,17 +106,21 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
             f"(`symoden inspect` says how far), or the model is a poor one.{others and f' Of the others, {others}'}"
         )
     long, error, motion = _over_a_second(recordings)
-    if error <= _POOR * motion:
+    if error <= _POOR * sum(map(_guess, long)):
         return ""
     worst = sorted(long, key=lambda each: -each.in_motion.error)
     least = _AS_BAD * worst[0].in_motion.error  # At rest hardly anything is better than standing still.
-    worst = [each for each in worst if each.in_motion.error > max(_POOR * each.in_motion.motion, least)]
+    worst = [each for each in worst if each.in_motion.error > max(_POOR * _guess(each), least)]
     some = len(worst) < len(long)
-    error, motion = (sum(getattr(each.in_motion, name) for each in worst) / len(worst) for name in ("error", "motion"))
+    means = zip(*((each.in_motion.error, each.in_motion.motion, _guess(each)) for each in worst), strict=True)
+    error, motion, guess = (sum(each) / len(worst) for each in means)
+    coasts = guess < motion
     of = f" of {first_few((f'`{each.name}`' for each in worst), _FEW)}" if some else ""
     said = (
-        f"over 1 s predictions{of} are off by {number(error)} where positions move {number(motion)}, in the mean over "
-        f"{'these' if some else 'the'} recordings while they move: hardly better than standing still."
+        f"over 1 s predictions{of} are off by {number(error)} where positions move {number(motion)}"
+        + (f" and going on at the first velocity is off by {number(guess)}" if coasts else "")
+        + f", in the mean over {'these' if some else 'the'} recordings while they move: hardly better than "
+        + ("that." if coasts else "standing still.")
     )
     if some:
         return (
@@ -126,6 +131,12 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
         f"{said} An input that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a "
         "wrong `input_matrix`: `symoden data check` cannot see all of that."
     )
+
+
+def _guess(recording: RecordingScore) -> float:
+    """How far off the better of two guesses is that know nothing of the mechanism: to stand still, or to coast."""
+    _, motion, coasting = astuple(recording.in_motion)
+    return motion if math.isnan(coasting) else min(motion, max(coasting, _SLIGHT * motion))
 
 
 def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Scores:

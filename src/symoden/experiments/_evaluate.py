@@ -57,7 +57,7 @@ class WindowScore:
     mean: float
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class MotionScore:
     """Errors while positions move or are predicted to: most windows of a recording may be at rest and stay there.
 
@@ -65,10 +65,12 @@ class MotionScore:
         error: Median over the windows of the position RMSE, each counting by how far the positions move in it or by
             how far they are predicted to be off, if that is more; NaN if the recording is too short for one.
         motion: Median of how far they move, likewise.
+        coasting: Median of how far off it is to go on at the window's first velocity, likewise; NaN of momenta.
     """
 
     error: float = np.nan
     motion: float = np.nan
+    coasting: float = np.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,14 +172,18 @@ def score_recordings(
     stretches = [Stretch(trajectory=recordings[i], start=start, stop=stop) for i, start, stop in windows]
     rmse: list[list[np.ndarray]] = [[] for _ in recordings]
     moved: list[list[np.ndarray]] = [[] for _ in recordings]
+    coasted: list[list[float]] = [[] for _ in recordings]
     for (i, _, _), stretch in zip(windows, stretches, strict=True):
-        moved[i].append(np.mean((stretch.q[1:] - stretch.q[0]) ** 2, axis=0))
+        ts, q, rates, _ = stretch.padded(len(stretch))
+        way = q[1:] - q[0]
+        moved[i].append(np.mean(way**2, axis=0))
+        coasted[i].append(np.nan if dataset.momenta else float(np.mean((way - rates[0] * ts[1:, None]) ** 2)))
     for k, path in paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
         rmse[windows[k][0]].append(_mean_squares(path.q[1:], stretches[k].q[1:]))
     whole = predict(model, recordings, hold=dataset.hold, solver=solver)
     return tuple(
-        _recording_score(split, recording, squares, motion, path)
-        for (split, recording), squares, motion, path in zip(chosen, rmse, moved, whole, strict=True)
+        _recording_score(split, recording, squares, motion, coasting, path)
+        for (split, recording), squares, motion, coasting, path in zip(chosen, rmse, moved, coasted, whole, strict=True)
     )
 
 
@@ -186,9 +192,10 @@ def _recording_score(
     recording: Trajectory,
     squares: Sequence[Float[np.ndarray, " n"]],
     motion: Sequence[Float[np.ndarray, " n"]],
+    coasting: Sequence[float],
     path: Prediction,
 ) -> RecordingScore:
-    """Score of one recording, from the mean squared errors and motions of its windows and its whole rollout."""
+    """Score of one recording, from the mean squares of its windows' errors and motions and its whole rollout."""
     first, n = recording.initial_samples, recording.q.shape[1]
     each = np.sqrt(np.asarray(squares).reshape(-1, n))
     errors = np.sqrt(np.mean(np.square(each), axis=1))
@@ -208,7 +215,7 @@ def _recording_score(
         rollout_rmse=float(np.sqrt(np.mean(_mean_squares(path.q[first:], recording.q[first:])))),
         coordinates=tuple(np.median(each, axis=0).tolist()) if known else (np.nan,) * n,
         motion=float(np.sqrt(np.mean(motion))) if known else np.nan,
-        in_motion=MotionScore(error=_middle(errors, weights), motion=_middle(moved, weights))
+        in_motion=MotionScore(*(_middle(each, weights) for each in (errors, moved, np.sqrt(coasting))))
         if known
         else MotionScore(),
     )
