@@ -279,3 +279,18 @@ def test_whether_a_joint_that_turns_many_times_is_in_degrees_is_not_asked_of_one
         (tmp_path / "a.csv").write_text(text.replace("turn (°)", "turn"), encoding="utf-8")
     texts = [each.text for each in check_dataset(path).recordings[0].findings if each.kind == "unit"]
     assert any("degrees?" in text for text in texts) == asked
+
+
+def test_all_joints_of_an_arm_that_are_in_degrees_are_told_by_one_line(tmp_path):
+    t = np.linspace(0.0, 4.0, 401)
+    rows = np.stack([t, 90 * np.cos(3 * t), 30 * t - 40, 2 * np.sin(t), np.sin(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,shoulder,elbow,wrist,u", comments="")
+    path = tmp_path / "arm.toml"
+    text = 'space = "T3"\ntime = "t"\npositions = ["shoulder", "elbow", "wrist"]\ninputs = ["u"]\n'
+    path.write_text(f'{text}[train]\nfiles = ["a.csv"]\n')
+    (found,) = (each for each in check_dataset(path).recordings[0].findings if each.kind == "unit")
+    line = 'units = {shoulder = "deg", elbow = "deg"}'
+    assert f"`{line}`" in found.advice  # The elbow goes one way, but as far as the shoulder, which turns back.
+    assert "Look at `wrist`, too" in found.advice
+    path.write_text(f'{text}{line}\n[train]\nfiles = ["a.csv"]\n')
+    assert not [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"]

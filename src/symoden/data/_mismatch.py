@@ -8,6 +8,7 @@ import numpy as np
 
 from symoden.wording import stamp
 
+from ._errors import listing
 from ._facts import Facts
 from ._findings import Finding
 from ._kinematics import AGREES, UNRELATED, Ratio, jumps, velocity_ratio
@@ -52,12 +53,17 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
         return [clock]
     said = _units_in_names(facts)
     found, named = _by_name(said, facts), set(said)
-    for i in range(facts.q.shape[1]):
+    joints, agree = range(facts.q.shape[1]), []
+    for i in joints:
         ratio = facts.ratios[i] if facts.ratios else None
         if named & {facts.positions[i].name, *(rate.name for rate in facts.rates[i : i + 1])}:
             continue
         of_ratio = _of_ratio(facts, i, ratio) if ratio is not None and ratio.known else []
-        found.extend(of_ratio or _in_degrees(facts, i) or _jumps(facts, i, stuck))
+        found.extend(of_ratio)
+        agree.extend([] if of_ratio else [i])
+    degrees = _in_degrees(facts, agree)
+    found.extend(_of_degrees(facts, degrees))
+    found.extend(one for i in agree if i not in degrees for one in _jumps(facts, i, stuck))
     return found
 
 
@@ -188,22 +194,37 @@ def _unrelated(q: str, v: str, other: str | None) -> Finding:
     )
 
 
-def _in_degrees(facts: Facts, i: int) -> list[Finding]:
-    """An angle that turns back and forth further than joints do."""
-    position = facts.positions[i]
-    way = float(np.abs(np.diff(facts.q[:, i])).sum())
-    told = of_column(position.name, facts.units) not in (None, -1.0)  # -1 turns it round and tells no unit.
-    if told or not facts.is_angle[i] or position.span < 2 * np.pi * _TURNS or way < _REVERSES * position.span:
+def _in_degrees(facts: Facts, joints: Sequence[int]) -> list[int]:
+    """Angles that turn back and forth further than joints do, and those that go as far beside one of them."""
+    told = [of_column(position.name, facts.units) not in (None, -1.0) for position in facts.positions]  # -1: no unit.
+    far = [i for i in joints if facts.is_angle[i] and not told[i] and facts.positions[i].span >= 2 * np.pi * _TURNS]
+    back = [i for i in far if np.abs(np.diff(facts.q[:, i])).sum() >= _REVERSES * facts.positions[i].span]
+    return far if back else []
+
+
+def _of_degrees(facts: Facts, joints: Sequence[int]) -> list[Finding]:
+    """One finding of all such angles, so that one line of the description mends them."""
+    if not joints:
         return []
-    columns = {position.name: "deg"} | ({facts.rates[i].name: "deg/s"} if facts.rates else {})
+    spans = {facts.positions[i].name: facts.positions[i].span for i in joints}
+    units = dict.fromkeys(spans, "deg") | {rate.name: "deg/s" for i in joints for rate in facts.rates[i : i + 1]}
+    others = [
+        one.name
+        for one, angle in zip(facts.positions, facts.is_angle, strict=True)
+        if angle and one.name not in spans and of_column(one.name, facts.units) is None
+    ]
+    look = f" Look at {listing(others)}, too, which go{'es' if len(others) == 1 else ''} less far." if others else ""
+    said = "; ".join(
+        f"`{name}` moves back and forth over {span:.4g} rad, {span / (2 * np.pi):.3g} turns"
+        for name, span in spans.items()
+    )
     return [
         Finding(
             kind="unit",
             level="warning",
-            channel=position.name,
-            text=f"`{position.name}` moves back and forth over {position.span:.4g} rad, "
-            f"{position.span / (2 * np.pi):.3g} turns: degrees?",
-            advice=f"If so, write {entry(columns, facts.units)}. If the joint turns so far, nothing need be done.",
+            channel=next(iter(spans)) if len(spans) == 1 else "",
+            text=f"{said}: degrees?",
+            advice=f"If so, write {entry(units, facts.units)}.{look} If joints turn so far, nothing need be done.",
         )
     ]
 
