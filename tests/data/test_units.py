@@ -294,3 +294,20 @@ def test_all_joints_of_an_arm_that_are_in_degrees_are_told_by_one_line(tmp_path)
     assert "Look at `wrist`, too" in found.advice
     path.write_text(f'{text}{line}\n[train]\nfiles = ["a.csv"]\n')
     assert not [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"]
+
+
+@pytest.mark.parametrize("line", ["s,deg,mm,A", "[s],[deg],[mm],[A]"])
+def test_a_line_of_units_under_the_names_is_compared_with_what_is_read(tmp_path, line):
+    t = np.linspace(0.0, 4.0, 401)
+    rows = np.stack([t, 5 * np.sin(2 * t), 30 * np.cos(3 * t), np.sin(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=f"t,turn,way,u\n{line}", comments="")
+    path, units = tmp_path / "arm.toml", 'units = {turn = "deg", way = "mm"}'
+    text = 'space = "T1 R1"\ntime = "t"\npositions = ["turn", "way"]\ninputs = ["u"]\n'
+    for more, findings in (("", 1), (f"{units}\n", 0)):
+        path.write_text(f'{text}{more}[train]\nfiles = ["a.csv"]\n')
+        found = [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"]
+        assert len(found) == findings
+        for each in found:
+            assert "the line under the name of `turn` says deg, and it is read as rad" in each.text
+            assert f"`{units}`" in each.advice
+    np.testing.assert_allclose(read_dataset(path).train[0].q[:, 1], 0.03 * np.cos(3 * t), atol=1e-9)

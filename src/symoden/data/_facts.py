@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
@@ -11,6 +11,7 @@ from ._description import Description
 from ._kinematics import Accuracy, Ratio, blocks, velocity_ratio
 from ._logs import Log
 from ._signals import longest_step, noise_level, quantum, share_cut_off
+from ._tables import units_below_names
 
 Role: TypeAlias = Literal["position", "velocity", "momentum", "input"]
 _LEAST_ROWS: Final = 10
@@ -76,6 +77,7 @@ class Facts:
         ratios: For each coordinate, its displacements against its integrated velocity; empty without velocities.
         units: Factors that the description gives to columns.
         clock: Name of the column of time stamps; empty where rows are counted.
+        below: What a line under the names says of the columns' units.
     """
 
     rows: np.ndarray
@@ -91,6 +93,7 @@ class Facts:
     ratios: tuple[Ratio, ...]
     units: Mapping[str, float]
     clock: str = ""
+    below: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def channels(self) -> tuple[ChannelFacts, ...]:
@@ -148,6 +151,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
         ratios=ratios,
         units=description.units,
         clock=log.names["time"][0] if "time" in log.names else "",
+        below=units_below_names(log.path),
     )
 
 

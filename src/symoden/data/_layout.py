@@ -32,12 +32,14 @@ class Layout(NamedTuple):
         separator: What separates cells; a blank stands for any number of them.
         line: Line of the first row, counted from 1.
         start: Where that line begins in the text.
+        units: What a line under the names says of each column, as it is written; none where there is no such line.
     """
 
     names: tuple[str, ...]
     separator: str
     line: int
     start: int
+    units: tuple[str, ...] = ()
 
     def count(self, line: str) -> int:
         """Number of cells of a line."""
@@ -76,12 +78,14 @@ def find_layout(text: str) -> Layout:
         above = _is_units(cells)
     else:
         names, above = cells, True
+    said: tuple[str, ...] = ()
     if above:  # The names, or their units.
         number, start, first = after[0] if after else (number + 1, len(text), "")
         units = cells_of(first, separator)
         if len(units) == len(names) and _is_units(units) and len(after) > 1:
             number, start, _ = after[1]
-    return Layout(tuple(names), separator, number, start)
+            said = tuple(units)
+    return Layout(tuple(names), separator, number, start, said)
 
 
 def _without_prose(lines: list[tuple[int, int, str]]) -> list[tuple[int, int, str]]:

@@ -12,7 +12,7 @@ from ._errors import listing
 from ._facts import Facts
 from ._findings import Finding
 from ._kinematics import AGREES, UNRELATED, Ratio, jumps, velocity_ratio
-from ._units import entry, of_column, si_of, split_unit
+from ._units import entry, of_column, si_of, split_unit, unit_of
 
 _SAME = 0.06  # relative deviation up to which a factor is a known one
 _ELSEWHERE = 0.2  # misfit of another coordinate's velocity that is taken for this one's
@@ -68,10 +68,13 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
 
 
 def _units_in_names(facts: Facts) -> dict[str, tuple[str, str]]:
-    """Positions and velocities whose names say another unit than they are read in: that unit, and the one read."""
+    """Positions and velocities of which names, or a line under these, say another unit than the one that is read."""
     joints = ["rad" if angle else "m" for angle in facts.is_angle]
     kinds = zip(facts.positions + facts.rates, joints + [f"{unit}/s" for unit in joints], strict=False)
-    units = {channel.name: (split_unit(channel.name)[1], si) for channel, si in kinds}
+    units = {
+        channel.name: (split_unit(channel.name)[1] or unit_of(facts.below.get(channel.name, "")), si)
+        for channel, si in kinds
+    }
     return {
         name: (unit, si)
         for name, (unit, si) in units.items()
@@ -83,7 +86,8 @@ def _by_name(said: Mapping[str, tuple[str, str]], facts: Facts) -> list[Finding]
     """One finding of all such columns, so that one line of the description mends them."""
     if not said:
         return []
-    texts = [f"the name of `{name}` says {unit}, and it is read as {si}" for name, (unit, si) in said.items()]
+    where = {name: "name" if split_unit(name)[1] else "line under the name" for name in said}
+    texts = [f"the {where[name]} of `{name}` says {unit}, and it is read as {si}" for name, (unit, si) in said.items()]
     return [
         Finding(
             kind="unit",

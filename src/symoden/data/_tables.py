@@ -112,6 +112,26 @@ def place(path: Path, row: int) -> str:
     return f"line {_first_line(path, _version(path)) + row} (row {row})"
 
 
+def units_below_names(path: Path) -> dict[str, str]:
+    """Units that a line under the names of a table says.
+
+    Args:
+        path: The file; only tables of text have such lines.
+
+    Returns:
+        What it says of each column, as it is written; nothing where there is no such line.
+    """
+    return _units_below(path, _version(path)) if is_text(path) else {}
+
+
+@functools.lru_cache(maxsize=16)
+def _units_below(path: Path, version: tuple[int, int]) -> dict[str, str]:
+    """Those of a version of a file."""
+    del version
+    layout = find_layout(_text(path))
+    return dict(zip(layout.names, layout.units, strict=True)) if layout.units else {}
+
+
 @functools.lru_cache(maxsize=16)
 def _first_line(path: Path, version: tuple[int, int]) -> int:
     """Line of the first row of a version of a file."""

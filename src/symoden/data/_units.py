@@ -77,6 +77,23 @@ def si_of(unit: object) -> str | None:
     return next(si for si, units in _BY_SI.items() if _plain(unit) in units)
 
 
+def unit_of(word: str) -> str:
+    """The unit that a word is.
+
+    Args:
+        word: Whatever stands where a unit may.
+
+    Returns:
+        The unit as `factor_of` takes it; nothing where it is none.
+
+    Example:
+        >>> unit_of("[deg]"), unit_of("°/s"), unit_of("-")
+        ('deg', 'deg/s', '')
+    """
+    unit = _plain(word.strip().strip("[]()"))
+    return unit if unit in UNITS else ""
+
+
 def split_unit(name: str) -> tuple[str, str]:
     """Take the unit off a column's name that has one in brackets, as headers of tables do.
 
