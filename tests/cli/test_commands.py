@@ -12,7 +12,7 @@ import pytest
 from symoden.cli import _learned, main
 from symoden.experiments import Prediction, TrainingSummary, read_run, simulate, task, write_run
 
-from .conftest import write_untrained_run
+from .conftest import write_description, write_untrained_run
 
 
 def answer(capsys, *words):
@@ -239,6 +239,17 @@ def test_inspect_needs_no_data_but_says_that_the_audit_does(arm_run, tmp_path, c
     assert found["mass_matrix_eigenvalues"] is not None
     assert main(["inspect", str(folder)]) == 0
     assert "not made, because the run's data cannot be read" in capsys.readouterr().out
+
+
+def test_several_inputs_of_which_nothing_is_told_are_named_at_once(tmp_path, capsys, monkeypatch):
+    path = write_description(tmp_path)
+    text = path.read_text().replace("input_matrix = [[1]]\n", "").replace('velocities = ["v"]\n', "")
+    path.write_text(text.replace('inputs = ["u"]', 'inputs = ["u", "v"]'))
+    run = write_untrained_run(tmp_path / "run", path)
+    untold = ("g[1, 1]", "g[1, 2]")
+    monkeypatch.setattr(_learned, "certainty", lambda *_: SimpleNamespace(undetermined=untold))
+    assert main(["evaluate", str(run), "--bands"]) == 0
+    assert capsys.readouterr().err.count("what `u`, `v` do is not told by these data") == 1
 
 
 @pytest.mark.parametrize(("untold", "named"), [(("g[1, 1]", "D[1, 1]"), True), (("D[1, 1]",), False)])

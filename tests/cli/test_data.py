@@ -95,6 +95,17 @@ def test_refused_data_are_status_2_with_all_of_the_json(described, capsys):
     assert "training refuses these data" in printed.err
 
 
+def test_parts_of_one_file_are_told_apart(described, capsys):
+    damage(described.parent / "a.csv", v=lambda v: 57.3 * v)
+    described.write_text(
+        described.read_text()
+        .replace('["a.csv"]', '["a.csv"]\nrows = [0, 40]')
+        .replace('["b.csv"]', '["a.csv"]\nrows = [40]')
+    )
+    main(["data", "check", str(described)])
+    assert "in a [train] (and 1 more: a [test]): the derivative of `q` is" in capsys.readouterr().out
+
+
 def test_files_that_cannot_be_read_are_refused_beside_those_that_can(described, tmp_path, capsys):
     (described.parent / "c.csv").write_text("t,q,v,u\n")
     for name in ("d.csv", "e.csv"):

@@ -54,6 +54,21 @@ def trained(tmp_path_factory, arm):
     return folder
 
 
+@pytest.mark.parametrize(
+    ("space", "kind", "given", "named"),
+    [
+        ("T6", "dissipative", (), True),
+        ("R3 T3", "dissipative", (), False),
+        ("T6", "unstructured", (), False),
+        ("T6", "dissipative", ("mass_matrix", "potential_energy"), False),
+        ("T6", "symoden", ("potential_energy",), True),
+    ],
+)
+def test_many_joints_of_which_nothing_is_known_are_named(space, kind, given, named, capsys):
+    _train._name_many_joints(kind, space, given)
+    assert ("A URDF says how they are joined" in capsys.readouterr().err) == named
+
+
 def test_a_run_holds_what_the_contract_says(trained, arm):
     assert sorted(path.name for path in trained.iterdir()) == [
         "checkpoints",

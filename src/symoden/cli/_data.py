@@ -3,6 +3,7 @@
 import dataclasses
 import statistics
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -135,10 +136,12 @@ def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, list[str]]]:
         reasons.setdefault(reason, (each.finding, []))[1].append(each.name)
     yield from reasons.values()
     groups: dict[tuple[str, str, str], tuple[Finding, list[str]]] = {}
+    parts = Counter(each.log.name for each in check.recordings)  # One file may have rows in several.
     for each in check.recordings:
+        name = f"{each.log.name} [{each.log.part}]" if parts[each.log.name] > 1 else each.log.name
         for finding in each.findings:
             key = (finding.level, finding.kind, finding.channel)
-            groups.setdefault(key, (finding, []))[1].append(each.log.name)
+            groups.setdefault(key, (finding, []))[1].append(name)
     yield from groups.values()
 
 

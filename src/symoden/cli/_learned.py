@@ -212,13 +212,18 @@ def name_untold_inputs(run: Path, model: AbstractDynamics, config: RunConfig, po
     with show_work("what inputs do"):
         untold = certainty(posterior, found).undetermined
     rows = range(1, len(config.data.position_names) + 1)
-    for j, name in enumerate(config.data.input_names, start=1):
-        if all(f"g[{i}, {j}]" in untold for i in rows):
-            print(
-                f"warning: what `{name}` does is not told by these data: g is nowhere larger than its band, but "
-                f"controllers need it. `symoden data check` and `symoden inspect {run}` say why.",
-                file=sys.stderr,
-            )
+    names = [
+        f"`{name}`"
+        for j, name in enumerate(config.data.input_names, start=1)
+        if all(f"g[{i}, {j}]" in untold for i in rows)
+    ]
+    if names:
+        do = "does" if len(names) == 1 else "do"
+        print(
+            f"warning: what {', '.join(names)} {do} is not told by these data: g is nowhere larger than its band, but "
+            f"controllers need it. `symoden data check` and `symoden inspect {run}` say why.",
+            file=sys.stderr,
+        )
 
 
 def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, bands: Bands | None) -> Any:  # noqa: ANN401

@@ -2,6 +2,7 @@
 
 import dataclasses
 import sys
+from collections.abc import Collection
 from typing import Final
 
 import jax.numpy as jnp
@@ -21,6 +22,7 @@ from symoden.experiments import (
     train_run,
 )
 from symoden.models import KINDS
+from symoden.spaces import Space
 from symoden.training import FEWEST_MEMBERS, FitResult
 
 from ._arguments import Train
@@ -30,6 +32,7 @@ from ._scores import report_scores
 from ._words import ensemble_words, hardly_judged, size_words
 
 _POOR: Final = 0.3  # Loss relative to the motion from which it is worth a word.
+_MANY: Final = 5  # Angles: products of so many harmonics are thousands of numbers.
 _GOOD: Final = 0.25  # Share of the motion that predictions over a second are off by, whatever a few windows say.
 
 
@@ -51,6 +54,8 @@ def run(command: Train) -> None:
     if command.resume and not resume:
         print(f"{command.out} holds no run yet: starting it", file=sys.stderr)
     print(_headline(config, source, command), file=sys.stderr, flush=True)
+    known = source.dataset.known
+    _name_many_joints(config.model.kind, source.dataset.space, () if known is None else known.given)
     with show_progress() as progress:
         result = train_run(
             command.out,
@@ -143,6 +148,18 @@ def _continued(command: Train) -> tuple[RunConfig, Source]:
             "Restore them, or start another run."
         )
     return config, source
+
+
+def _name_many_joints(kind: str, space: str, given: Collection[str]) -> None:
+    """Say that many joints take long where nothing is known of how they are joined."""
+    angles = len(Space.parse(space).angles)
+    if kind in ("dissipative", "symoden") and angles >= _MANY and "mass_matrix" not in given:
+        print(
+            f"warning: {angles} angles of which nothing is known take hours, and their harmonics may be too few for "
+            'inertia. A URDF says how they are joined: `robot = "arm.urdf"` under `[known]`; or fix joints, and learn '
+            "the others.",
+            file=sys.stderr,
+        )
 
 
 def _headline(config: RunConfig, source: Source, command: Train) -> str:
