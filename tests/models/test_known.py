@@ -241,7 +241,8 @@ def test_units_do_not_make_a_matrix_definite_or_not(unit):
     """The second coordinate is counted in another unit: 200 kg beside 1e-4 kg m² are as definite as in any other."""
 
     def check(name, a, b, c):
-        check_known(KnownParts(**{name: [[a, b * unit], [b * unit, c * unit**2]]}), SPACE, 1, STATES, RATES)
+        part: dict[str, Any] = {name: [[a, b * unit], [b * unit, c * unit**2]]}
+        check_known(KnownParts(**part), SPACE, 1, STATES, RATES)
 
     check("mass_matrix", 200.0, 10.0, 1.0)
     check("dissipation_matrix", 4.0, 2.0, 1.0)
