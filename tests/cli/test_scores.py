@@ -1,10 +1,11 @@
 """What is said of scores."""
 
+import dataclasses
 import math
 
 import pytest
 
-from symoden.cli._scores import poor, share_of_motion
+from symoden.cli._scores import by_heart, poor, share_of_motion
 from symoden.experiments import MotionScore, RecordingScore, WindowScore
 
 
@@ -51,6 +52,23 @@ def test_predictions_that_are_hardly_better_than_coasting_are_called_so(error, c
     assert bool(words) == is_poor
     assert not is_poor or "going on at the first velocity is off by 0.3, in the mean" in words
     assert not is_poor or "hardly better than that. An input that has the wrong sign" in words
+
+
+@pytest.mark.parametrize(
+    ("learned", "error", "said"),
+    [(0.002, 0.07, True), (0.02, 0.07, False), (0.002, 0.03, False), (0.002, math.nan, False), (math.nan, 0.07, False)],
+)
+def test_what_was_learned_by_heart_is_called_so(learned, error, said):
+    """Six joints, and nothing known of them: 5 Hz of one motion, and the 2 s that came after it."""
+    moves = {"coasting": 0.08}
+    scores = [
+        recording(learned, 0.35 if learned > 0 else math.nan, **moves),
+        dataclasses.replace(recording(error, 0.26 if error > 0 else math.nan, **moves), split="test"),
+    ]
+    words = by_heart(scores)
+    assert bool(words) == said
+    assert not said or words.startswith("over 1 s predictions of test recordings are off by 0.07, of training")
+    assert by_heart(scores[:1]) == by_heart(scores[1:]) == by_heart([]) == ""
 
 
 def test_predictions_that_diverge_are_not_blamed_on_inputs():

@@ -28,6 +28,7 @@ _ERRORS = ("train", "test", "prediction")
 _FEW = 4  # Coordinates that have a column each.
 _AS_BAD: Final = 0.1  # Share of the largest error.
 _POOR: Final = 0.5  # Share of the way that positions go in a second, or of what going on as at first is off by.
+_TIMES: Final = 5.0  # The error in training: then it is no matter of noise, nor of harder motions.
 _SLIGHT: Final = 0.2  # Share of that way: noise alone tells what is off by less.
 
 
@@ -133,6 +134,29 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     )
 
 
+def by_heart(recordings: Sequence[RecordingScore]) -> str:
+    """What to say of a model that predicts what it was trained on, and hardly anything else.
+
+    Args:
+        recordings: Scores of recordings.
+
+    Returns:
+        The words; none where others are predicted too, or no part has a recording as long as a window.
+    """
+    parts = [[each for each in recordings if each.split == split] for split in ("train", "test")]
+    (seen, learned, _), (others, error, _) = map(_over_a_second, parts)
+    if not seen or not others or not error > _POOR * sum(map(_guess, others)):
+        return ""
+    learned, error = learned / len(seen), error / len(others)
+    if error < _TIMES * learned:
+        return ""
+    return (
+        f"over 1 s predictions of test recordings are off by {number(error)}, of training recordings by "
+        f"{number(learned)}: the model knows these by heart. Record longer, or more motions that go where it is to "
+        "predict, or tell what you know of the mechanism (`[known]`)."
+    )
+
+
 def _guess(recording: RecordingScore) -> float:
     """How far off the better of two guesses is that know nothing of the mechanism: to stand still, or to coast."""
     _, motion, coasting = astuple(recording.in_motion)
@@ -156,7 +180,7 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
         return Scores(
             {"recordings": [asdict(recording) for recording in recordings]},
             _recordings(recordings, model.space, config.data.position_names),
-            poor(recordings),
+            poor(recordings) or by_heart(recordings),
             share_of_motion(recordings),
         )
     score = score_task(model, source, solver=solver)
