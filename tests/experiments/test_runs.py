@@ -73,7 +73,7 @@ def test_a_project_can_be_moved_with_its_runs(tmp_path):
 def test_settings_come_back_as_they_were(tmp_path, kind):
     config = settings(model=ModelConfig(kind=kind), space="R1", seed=7, preset="paper")
     write_run(tmp_path / "run", config)
-    assert read_run(tmp_path / "run") == config
+    assert read_run(str(tmp_path / "run")) == config
 
 
 def test_versions_and_commit_are_kept(tmp_path):

@@ -28,7 +28,9 @@ from symoden.training import (
 from ._runs import RunConfig, commit
 
 
-def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dataset: Dataset) -> AbstractPosterior:
+def read_posterior(
+    folder: Path | str, model: AbstractDynamics, config: RunConfig, dataset: Dataset
+) -> AbstractPosterior:
     """What the data leave open about a run's model: its ensemble if it is to have one, else Laplace's approximation.
 
     The latter takes as long as many steps of training, so that it is kept in the run's folder where that can be
@@ -47,6 +49,7 @@ def read_posterior(folder: Path, model: AbstractDynamics, config: RunConfig, dat
         ValueError: If there is no ensemble and the model has too many parameters for the other way.
         StorageError: If the ensemble is damaged, or that of another model.
     """
+    folder = Path(folder)
     ensemble = read_ensemble(folder, model, config)
     if ensemble is not None:
         return ensemble
@@ -72,7 +75,7 @@ def _origin(model: Path, training: TrainingConfig, dataset: Dataset) -> str:
     return hashlib.sha256(model.read_bytes() + told.encode()).hexdigest()
 
 
-def read_ensemble(folder: Path, model: AbstractDynamics, config: RunConfig) -> Ensemble | None:
+def read_ensemble(folder: Path | str, model: AbstractDynamics, config: RunConfig) -> Ensemble | None:
     """The models that were trained like a run's.
 
     Args:
@@ -86,7 +89,7 @@ def read_ensemble(folder: Path, model: AbstractDynamics, config: RunConfig) -> E
     Raises:
         StorageError: If it is damaged, or that of another model.
     """
-    path = folder / ENSEMBLE
+    path = Path(folder) / ENSEMBLE
     if not config.members or not path.is_file():
         return None
     ensemble = load_ensemble(path, model)

@@ -153,7 +153,7 @@ def write_run(folder: Path, config: RunConfig) -> None:
     write_atomically(folder / "config.json", f"{text}\n".encode())
 
 
-def read_run(folder: Path) -> RunConfig:
+def read_run(folder: Path | str) -> RunConfig:
     """Read the settings of a run.
 
     Args:
@@ -166,6 +166,7 @@ def read_run(folder: Path) -> RunConfig:
     Raises:
         StorageError: If there is no run, or its `config.json` is not what it must be.
     """
+    folder = Path(folder)
     path = folder / "config.json"
     if not holds_run(folder):
         raise StorageError(
@@ -189,7 +190,7 @@ def _seen_from(folder: Path, path: Path) -> str:
     return ""
 
 
-def read_model(folder: Path) -> AbstractDynamics:
+def read_model(folder: Path | str) -> AbstractDynamics:
     """Load the model of a run.
 
     Args:
@@ -201,6 +202,7 @@ def read_model(folder: Path) -> AbstractDynamics:
     Raises:
         StorageError: If there is none yet, or it is damaged.
     """
+    folder = Path(folder)
     path = folder / MODEL
     if holds_run(folder) and not path.is_file():
         raise StorageError(f"`{folder}` has no `{MODEL}`: its training did not end. Resume it.")
@@ -286,7 +288,7 @@ def refuse_occupied(folder: Path) -> None:
 
 
 def train_run(
-    folder: Path,
+    folder: Path | str,
     config: RunConfig,
     dataset: Dataset,
     *,
@@ -313,6 +315,7 @@ def train_run(
             nothing is left behind then.
         StorageError: If another process is training there.
     """
+    folder = Path(folder)
     fresh = not (resume and holds_run(folder))
     if fresh:
         refuse_occupied(folder)
