@@ -199,7 +199,7 @@ def test_a_member_that_is_cut_short_by_the_limit_of_time_is_none(noisy, tmp_path
     ("members", "change", "message"),
     [
         (1, {}, "must be 0, or at least 2"),
-        (4, {"lm_steps": 0}, "need settings with Levenberg-Marquardt"),
+        (4, {"lm_steps": 0, "adam_steps": 1}, "need settings with Levenberg-Marquardt"),
         (4, {"lm_horizon": 50}, "5 windows or more"),
     ],
 )
