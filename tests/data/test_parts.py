@@ -142,3 +142,25 @@ def test_a_recording_of_one_row_is_named(tmp_path):
     frame = pl.concat([table(), table((9,), samples=1)])
     with pytest.raises(DataError, match=r"`trial` = 9: a recording must have at least 2 rows; got 1"):
         read_dataset(written(tmp_path, frame))
+
+
+@pytest.mark.parametrize("ending", ["csv", "npz"])
+def test_several_intervals_of_rows_are_recordings_of_their_own(tmp_path, ending):
+    """Such as before and after a clock was set back, or a hand that helped."""
+    train = TRAIN + "rows = [[0, 25], [40, 55]]\n"
+    description = written(tmp_path, table(labels=(3,)), ending=ending, train=train)
+    description.write_text(description.read_text().replace('recording = "trial"\n', ""))
+    first, second = read_dataset(description).train
+    assert names([first, second]) == ["runs-1", "runs-2"]
+    np.testing.assert_allclose(first.ts, 0.01 * np.arange(25))
+    np.testing.assert_allclose(second.ts, 0.01 * np.arange(40, 55))
+
+
+def test_intervals_of_rows_are_taken_apart_by_their_column_too(tmp_path):
+    train = read_dataset(written(tmp_path, table(labels=(3, 1)), train=TRAIN + "rows = [[10, 80], [90]]\n")).train
+    assert {recording.name: len(recording) for recording in train} == {"runs-3-1": 50, "runs-1-1": 20, "runs-1-2": 30}
+
+
+def test_intervals_with_rows_in_common_are_refused(tmp_path):
+    with pytest.raises(DataError, match=r"rows 20 to 24 of `.*runs\.csv` are in two of them"):
+        read_dataset(written(tmp_path, table(labels=(3,)), train=TRAIN + "rows = [[0, 25], [20]]\n"))

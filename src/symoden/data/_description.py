@@ -24,14 +24,15 @@ class Part:
 
     Attributes:
         files: Names or patterns, relative to the description.
-        rows: Rows [start, stop) to read of each file, counted from 0; negative ones count from the end.
+        rows: Rows [start, stop) to read of each file, counted from 0; negative ones count from the end. Of several
+            intervals each is a recording of its own.
         recordings: Those that the column `recording` names so, or that arrays of three axes number from 0; without any,
             those that no other part names.
         split_every: Duration of the segments to split each recording into [s].
     """
 
     files: tuple[str, ...]
-    rows: tuple[int, int | None] = (0, None)
+    rows: tuple[tuple[int, int | None], ...] = ((0, None),)
     recordings: tuple[str, ...] = ()
     split_every: float | None = None
 

@@ -1,5 +1,6 @@
 """Rows of the files of each part, taken apart into recordings where a column or an axis tells them apart."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -47,18 +48,16 @@ def read_parts(path: Path, description: Description) -> dict[str, tuple[Rows, ..
 
 def _read_part(path: Path, description: Description, part: Part) -> tuple[Rows, ...]:
     """Rows of all files of one part."""
-    return tuple(
-        recording
-        for file in find_files(part.files, path)
-        for recording in _apart(
-            in_si(
-                read_rows(file, description.selectors, slice(*part.rows), description.recording),
-                description.units,
-                description.zeros,
-            ),
-            description.recording,
-        )
-    )
+    several = len(part.rows) > 1
+    found = []
+    for file in find_files(part.files, path):
+        for k, interval in enumerate(part.rows, start=1):
+            read = read_rows(file, description.selectors, slice(*interval), description.recording)
+            rows = dataclasses.replace(
+                in_si(read, description.units, description.zeros), interval=k if several else None
+            )
+            found.extend(_apart(rows, description.recording))
+    return tuple(found)
 
 
 def _apart(rows: Rows, recording: str | None) -> list[Rows]:

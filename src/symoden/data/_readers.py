@@ -1,5 +1,6 @@
 """Reading the named columns of a recording, whatever the format of its file."""
 
+import dataclasses
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -42,6 +43,7 @@ class Rows:
         names: Names of these columns, by role.
         labels: Which recording each row belongs to, where a column or an axis tells.
         label: The one that they all belong to, where they were taken apart by these.
+        interval: Number of the interval of rows that they are, from 1 on, where the description names several.
     """
 
     path: Path
@@ -50,6 +52,7 @@ class Rows:
     names: dict[str, tuple[str, ...]]
     labels: np.ndarray | None = None
     label: str | None = None
+    interval: int | None = None
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -66,7 +69,7 @@ class Rows:
             The rows.
         """
         signals = {role: signal[rows] for role, signal in self.signals.items()}
-        return Rows(path=self.path, index=self.index[rows], signals=signals, names=self.names, label=label)
+        return dataclasses.replace(self, index=self.index[rows], signals=signals, labels=None, label=label)
 
 
 def suffix_of(path: Path) -> str:
