@@ -60,10 +60,9 @@ def test_predictions_that_are_hardly_better_than_coasting_are_called_so(error, c
 )
 def test_what_was_learned_by_heart_is_called_so(learned, error, said):
     """Six joints, and nothing known of them: 5 Hz of one motion, and the 2 s that came after it."""
-    moves = {"coasting": 0.08}
     scores = [
-        recording(learned, 0.35 if learned > 0 else math.nan, **moves),
-        dataclasses.replace(recording(error, 0.26 if error > 0 else math.nan, **moves), split="test"),
+        recording(learned, 0.35 if learned > 0 else math.nan, coasting=0.08),
+        dataclasses.replace(recording(error, 0.26 if error > 0 else math.nan, coasting=0.08), split="test"),
     ]
     words = by_heart(scores)
     assert bool(words) == said
