@@ -169,6 +169,28 @@ def test_programs_compile_fast_where_that_was_tried_and_the_user_says_nothing_el
     assert os.environ["XLA_FLAGS"] == left
 
 
+@pytest.mark.parametrize(
+    ("given", "trains", "cores", "threads"),
+    [(None, True, 2, None), (None, False, 2, "1"), ("4", False, 2, "4"), (None, False, 16, None)],
+)
+def test_what_does_not_train_has_one_thread_unless_the_user_says_otherwise(monkeypatch, given, trains, cores, threads):
+    """Two of XLA's threads waited for each other."""
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    monkeypatch.setenv("NPROC", given or "")
+    if given is None:
+        monkeypatch.delenv("NPROC")
+    _session.configure(trains=trains)
+    assert os.environ.get("NPROC") == threads
+
+
+@pytest.mark.parametrize(("words", "trains"), [(["train", "x"], True), (["inspect", "x"], False)])
+def test_training_alone_has_all_threads(monkeypatch, capsys, words, trains):
+    asked = []
+    monkeypatch.setattr(_session, "configure", lambda **settings: asked.append(settings))
+    assert main([*words, *(["--out", "y"] if trains else [])]) != 0  # There is no x.
+    assert asked == [{"trains": trains}]
+
+
 def test_programs_that_were_not_written_to_the_end_are_compiled_without_a_word(tmp_path):
     def simulate():
         words = [sys.executable, "-m", "symoden", "simulate", "pendulum", "--out", str(tmp_path / "data.npz")]

@@ -79,7 +79,8 @@ def _carry_out(command: Command) -> None:
     """Import the module of the command, and JAX with it, and run it."""
     if command.general.debug:
         logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-    importlib.import_module("._session", __package__).configure()
+    trains = isinstance(command, Train | Reproduce)
+    importlib.import_module("._session", __package__).configure(trains=trains)
     with importlib.import_module("._warnings", __package__).warnings_as_lines():
         importlib.import_module(f"._{type(command).__name__.lower()}", __package__).run(command)
 
