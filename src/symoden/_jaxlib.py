@@ -5,6 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
 _FAULTY: Final = ("0.10.2", "0.11.0")
+_FEW: Final = 8  # Cores.
 _FUSIONS: Final = "xla_cpu_experimental_ynn_fusion_type"
 
 
@@ -21,6 +22,17 @@ def avoid_faults() -> None:
         return
     if faulty:
         set_flag(_FUSIONS, "-reduce")
+
+
+def avoid_waits() -> None:
+    """Give XLA one thread where there are few, unless the user says how many.
+
+    A batch of triangular systems waits for parts that it leaves to the threads that run it: on two cores, two of them
+    at once, as derivatives of a robot's M⁻¹ are, waited for each other without end (`lapack_dtrsm_ffi` of 0.10.2). As
+    many must be under way as there are threads. XLA reads the variable when it first computes.
+    """
+    if (os.cpu_count() or 1) <= _FEW:
+        os.environ.setdefault("NPROC", "1")
 
 
 def set_flag(name: str, value: str) -> None:

@@ -186,7 +186,7 @@ def potential(system: AbstractPortHamiltonian, q: Coordinates) -> Scalar:
     """Potential energy V(q) = H(q, 0), for models without a block of its own too.
 
     Args:
-        system: Analytic system or learned system.
+        system: Analytic system or learned model.
         q: Coordinates.
 
     Returns:
@@ -199,7 +199,7 @@ def gradient(system: AbstractPortHamiltonian, q: Coordinates) -> Velocities:
     """Force of the potential energy with its sign turned, ∇V.
 
     Args:
-        system: Analytic system or learned system.
+        system: Analytic system or learned model.
         q: Coordinates.
 
     Returns:
@@ -212,7 +212,7 @@ def friction_matrix(system: AbstractPortHamiltonian, q: Coordinates, v: Velociti
     """Friction on the momenta, n × n; of a full 2n × 2n D, that block.
 
     Args:
-        system: Analytic system or learned system.
+        system: Analytic system or learned model.
         q: Coordinates.
         v: Velocities.
 

@@ -106,7 +106,7 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
             f"over 1 s most predictions of {names} diverge. The motion may lie outside of what training has seen "
             f"(`symoden inspect` says how far), or the model is a poor one.{others and f' Of the others, {others}'}"
         )
-    long, error, motion = _over_a_second(recordings)
+    long, error, _ = _over_a_second(recordings)
     if error <= _POOR * sum(map(_guess, long)):
         return ""
     worst = sorted(long, key=lambda each: -each.in_motion.error)

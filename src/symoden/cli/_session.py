@@ -9,13 +9,12 @@ from typing import Final
 
 import jax
 
-from symoden._jaxlib import set_flag
+from symoden._jaxlib import avoid_waits, set_flag
 
 _HALF_WRITTEN: Final = "Error reading persistent compilation cache entry"
 _EMITTERS: Final = (
     "xla_cpu_use_fusion_emitters"  # Off, programs compile in half the time and run as fast (`benchmarks/`).
 )
-_FEW: Final = 8  # Cores: as many batches must be under way at once to stop each other.
 _TRIED: Final = "0.10."  # Of jaxlib, which ends the process where it does not know a flag.
 
 
@@ -27,10 +26,8 @@ def configure(*, trains: bool = True) -> None:
     """
     if version("jaxlib").startswith(_TRIED):
         set_flag(_EMITTERS, "false")
-    if not trains and (os.cpu_count() or 1) <= _FEW:
-        # A batch of triangular systems waits for parts that it leaves to the threads that run it: on two cores, two of
-        # them at once, as derivatives of a robot's M⁻¹ are, waited for each other without end. XLA reads the variable.
-        os.environ.setdefault("NPROC", "1")
+    if not trains:
+        avoid_waits()
     jax.config.update("jax_enable_x64", True)  # noqa: FBT003 - JAX's signature
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return

@@ -226,18 +226,7 @@ def _refuse_other_size(path: Path, space: str, is_angle: np.ndarray, columns: in
 
 
 def _refuse_overlaps(path: Path, parts: Mapping[str, tuple[Rows, ...]]) -> None:
-    """Refuse rows that are in two parts, as a test on what was learned from tells nothing, or in one part twice."""
-    for name, part in parts.items():
-        seen: dict[tuple[Path, str | None], np.ndarray] = {}
-        for rows in part:
-            if rows.interval is not None:
-                before = seen.get((rows.path, rows.label), rows.index[:0])
-                if len(twice := np.intersect1d(before, rows.index)):
-                    raise DataError(
-                        f"`{path}`: [{name}] `rows` must be intervals without rows in common; rows {twice[0]} to "
-                        f"{twice[-1]} of `{rows.path}` are in two of them."
-                    )
-                seen[rows.path, rows.label] = np.concatenate([before, rows.index])
+    """Refuse rows that are in two parts: a test on what was learned from tells nothing."""
     read = {name: _by_file(rows) for name, rows in parts.items()}
     for (name, files), (other_name, other_files) in itertools.combinations(read.items(), 2):
         for file in files.keys() & other_files.keys():

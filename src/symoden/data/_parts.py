@@ -1,12 +1,13 @@
 """Rows of the files of each part, taken apart into recordings where a column or an axis tells them apart."""
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from ._description import Description, Part
+from ._description import Description
 from ._errors import DataError, listing, nearest
 from ._files import find_files
 from ._readers import Rows, read_rows
@@ -27,7 +28,7 @@ def read_parts(path: Path, description: Description) -> dict[str, tuple[Rows, ..
     Raises:
         DataError: If a file cannot be read, lacks a column, or no file has a recording that is named.
     """
-    every = {name: _read_part(path, description, part) for name, part in description.parts.items()}
+    every = {name: _read_part(path, description, name) for name in description.parts}
     chosen = {
         name: _chosen(path, name, part.recordings, every[name])
         for name, part in description.parts.items()
@@ -46,18 +47,28 @@ def read_parts(path: Path, description: Description) -> dict[str, tuple[Rows, ..
     return rest | chosen
 
 
-def _read_part(path: Path, description: Description, part: Part) -> tuple[Rows, ...]:
+def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, ...]:
     """Rows of all files of one part."""
-    several = len(part.rows) > 1
-    found = []
+    part, found = description.parts[name], []
     for file in find_files(part.files, path):
-        for k, interval in enumerate(part.rows, start=1):
-            read = read_rows(file, description.selectors, slice(*interval), description.recording)
-            rows = dataclasses.replace(
-                in_si(read, description.units, description.zeros), interval=k if several else None
-            )
-            found.extend(_apart(rows, description.recording))
+        read = [read_rows(file, description.selectors, slice(*each), description.recording) for each in part.rows]
+        _refuse_repeated(path, name, read)
+        for k, each in enumerate(read, start=1):
+            rows = in_si(each, description.units, description.zeros)
+            numbered = dataclasses.replace(rows, interval=k if len(read) > 1 else None)
+            found.extend(_apart(numbered, description.recording))
     return tuple(found)
+
+
+def _refuse_repeated(path: Path, name: str, intervals: Sequence[Rows]) -> None:
+    """Refuse rows of a file that are in two of the intervals that a part names."""
+    for one, other in itertools.combinations(intervals, 2):
+        twice = np.intersect1d(one.index, other.index)
+        if len(twice):
+            raise DataError(
+                f"`{path}`: [{name}] `rows` must be intervals without rows in common; rows {twice[0]} to {twice[-1]} "
+                f"of `{one.path}` are in two of them."
+            )
 
 
 def _apart(rows: Rows, recording: str | None) -> list[Rows]:

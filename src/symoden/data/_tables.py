@@ -109,7 +109,7 @@ def place(path: Path, row: int) -> str:
     """
     if not is_text(path):
         return f"row {row}"
-    return f"line {_first_line(path, _version(path)) + row} (row {row})"
+    return f"line {_layout(path, _version(path)).line + row} (row {row})"
 
 
 def units_below_names(path: Path) -> dict[str, str]:
@@ -121,22 +121,17 @@ def units_below_names(path: Path) -> dict[str, str]:
     Returns:
         What it says of each column, as it is written; nothing where there is no such line.
     """
-    return _units_below(path, _version(path)) if is_text(path) else {}
-
-
-@functools.lru_cache(maxsize=16)
-def _units_below(path: Path, version: tuple[int, int]) -> dict[str, str]:
-    """Those of a version of a file."""
-    del version
-    layout = find_layout(_text(path))
+    if not is_text(path):
+        return {}
+    layout = _layout(path, _version(path))
     return dict(zip(layout.names, layout.units, strict=True)) if layout.units else {}
 
 
 @functools.lru_cache(maxsize=16)
-def _first_line(path: Path, version: tuple[int, int]) -> int:
-    """Line of the first row of a version of a file."""
+def _layout(path: Path, version: tuple[int, int]) -> Layout:
+    """Where the rows of a version of a file begin, and what its columns are called."""
     del version
-    return find_layout(_text(path)).line
+    return find_layout(_text(path))
 
 
 def _version(path: Path) -> tuple[int, int]:

@@ -190,7 +190,7 @@ def _accelerations(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray)
         return _Accelerations(
             inputs=inverse @ model.input_matrix(q),
             potential=inverse @ gradient(model, q),
-            friction=inverse @ friction_matrix(model, q, v) @ v,
+            friction=inverse @ (friction_matrix(model, q, v) @ v),
         )
 
     return jax.vmap(one)(jnp.asarray(q), jnp.asarray(v))

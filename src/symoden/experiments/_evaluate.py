@@ -173,11 +173,12 @@ def score_recordings(
     rmse: list[list[np.ndarray]] = [[] for _ in recordings]
     moved: list[list[np.ndarray]] = [[] for _ in recordings]
     coasted: list[list[float]] = [[] for _ in recordings]
-    for (i, _, _), stretch in zip(windows, stretches, strict=True):
-        ts, q, rates, _ = stretch.padded(len(stretch))
-        way = q[1:] - q[0]
+    for i, start, stop in windows:
+        recording, later = recordings[i], slice(start + 1, stop)
+        way = recording.q[later] - recording.q[start]
         moved[i].append(np.mean(way**2, axis=0))
-        coasted[i].append(np.nan if dataset.momenta else float(np.mean((way - rates[0] * ts[1:, None]) ** 2)))
+        coast = recording.rates[start] * (recording.ts[later] - recording.ts[start])[:, None]
+        coasted[i].append(np.nan if dataset.momenta else float(np.mean((way - coast) ** 2)))
     for k, path in paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
         rmse[windows[k][0]].append(_mean_squares(path.q[1:], stretches[k].q[1:]))
     whole = predict(model, recordings, hold=dataset.hold, solver=solver)
