@@ -219,8 +219,7 @@ def _of_degrees(facts: Facts, joints: Sequence[int]) -> list[Finding]:
     ]
     look = f" Look at {listing(others)}, too, which go{'es' if len(others) == 1 else ''} less far." if others else ""
     said = "; ".join(
-        f"`{name}` moves back and forth over {span:.4g} rad, {span / (2 * np.pi):.3g} turns"
-        for name, span in spans.items()
+        f"`{name}` moves over {span:.4g} rad, {span / (2 * np.pi):.3g} turns" for name, span in spans.items()
     )
     return [
         Finding(
