@@ -27,9 +27,10 @@ def avoid_faults() -> None:
 def avoid_waits() -> None:
     """Give XLA one thread where there are few, unless the user says how many.
 
-    A batch of triangular systems waits for parts that it leaves to the threads that run it: on two cores, two of them
-    at once, as derivatives of a robot's M⁻¹ are, waited for each other without end (`lapack_dtrsm_ffi` of 0.10.2). As
-    many must be under way as there are threads. XLA reads the variable when it first computes.
+    A batch of triangular systems waits for parts that it leaves to the threads that run it (`lapack_dtrsm_ffi` of
+    0.10.2). Two at once, on two cores, waited for each other without end in the report of a robot; as many must be
+    under way as there are threads. The models' own inverses need none (`symoden.blocks.inverse_of_positive`), and so
+    training none at once; determinants and general systems do. XLA reads the variable when it first computes.
     """
     if (os.cpu_count() or 1) <= _FEW:
         os.environ.setdefault("NPROC", "1")

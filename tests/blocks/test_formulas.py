@@ -119,6 +119,14 @@ def test_the_inverse_has_the_derivatives_of_an_inverse(size, seed):
     assert np.asarray(slopes_along(inverse_of_positive, *at)) == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.parametrize("size", [2, 6, 9])
+def test_inverses_leave_nothing_to_lapack(size):
+    """Batches of its triangular systems wait for each other without end on few threads."""
+    program = jax.jit(jax.vmap(jax.jacfwd(inverse_of_positive))).lower(jnp.ones((3, size, size)))
+    assert "lapack" not in program.as_text()
+    assert "lapack" in jax.jit(jnp.linalg.inv).lower(jnp.ones((size, size))).as_text()
+
+
 @pytest.mark.parametrize("size", [1, 2, 3, 6])
 def test_a_matrix_that_is_not_positive_has_no_inverse(size):
     indefinite = jnp.diag(jnp.array([2.0] * (size - 1) + [-1.0]))

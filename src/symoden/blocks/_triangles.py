@@ -2,7 +2,6 @@
 
 import jax
 import jax.numpy as jnp
-import jax.scipy as jsp
 import numpy as np
 
 from symoden.shapes import Scalar, SquareMatrix
@@ -39,9 +38,11 @@ def identity_triangle(size: int) -> np.ndarray:
 
 @jax.custom_jvp
 def inverse_of_positive(matrix: SquareMatrix) -> SquareMatrix:
-    """Invert a symmetric positive definite matrix by its Cholesky factor; NaN where it is not positive definite.
+    """Invert a symmetric positive definite matrix; NaN where it is not positive definite.
 
-    Small factorizations are written out, which XLA fuses with the rest. The derivative is written down too,
+    Nothing is left to LAPACK, whose batches of triangular systems may wait for each other without end (see
+    `symoden._jaxlib`). Small matrices go by their Cholesky factor, written out, which XLA fuses with the rest; larger
+    ones are swept, pivot by pivot, which compiles in less time. The derivative is written down too,
     dA⁻¹ = −A⁻¹ dA A⁻¹: that of the factorization takes twice as long to compile.
 
     Args:
@@ -50,15 +51,19 @@ def inverse_of_positive(matrix: SquareMatrix) -> SquareMatrix:
     Returns:
         The inverse, symmetric.
 
+    References:
+        Goodnight (1979), *A tutorial on the SWEEP operator*.
+
     Example:
         >>> inverse_of_positive(jnp.array([[4.0, 0.0], [0.0, 16.0]])).tolist()
         [[0.25, 0.0], [0.0, 0.0625]]
     """
+    return _by_factor(matrix) if matrix.shape[0] <= _UNROLLED else _by_sweeps(matrix)
+
+
+def _by_factor(matrix: SquareMatrix) -> SquareMatrix:
+    """A⁻¹ = L⁻ᵀ L⁻¹, entry by entry."""
     n = matrix.shape[0]
-    identity = jnp.eye(n, dtype=matrix.dtype)
-    if n > _UNROLLED:
-        inverse = jsp.linalg.cho_solve((jnp.linalg.cholesky(matrix), True), identity)
-        return (inverse + inverse.T) / 2
     L: dict[tuple[int, int], Scalar] = {}
     W: dict[tuple[int, int], Scalar] = {}  # L⁻¹
     zero = jnp.zeros((), matrix.dtype)
@@ -72,6 +77,17 @@ def inverse_of_positive(matrix: SquareMatrix) -> SquareMatrix:
             W[i, j] = -W[i, i] * sum((L[i, k] * W[k, j] for k in range(j, i)), start=zero)
     rows = jnp.stack([jnp.stack([W.get((i, j), zero) for j in range(n)]) for i in range(n)])
     return rows.T @ rows
+
+
+def _by_sweeps(matrix: SquareMatrix) -> SquareMatrix:
+    """A⁻¹ by a sweep of each pivot; these are the squares of the Cholesky factor's diagonal, so positive."""
+    A = jnp.tril(matrix) + jnp.tril(matrix, -1).T
+    for k in range(len(A)):
+        here = np.arange(len(A)) == k
+        pivot = jnp.where(A[k, k] > 0, A[k, k], jnp.nan)
+        column, row = jnp.where(here, -1, A[:, k]), jnp.where(here, 1, A[k]) / pivot
+        A = jnp.where(here[:, None] | here, 0, A) - jnp.outer(column, row)
+    return (A + A.T) / 2
 
 
 @inverse_of_positive.defjvp

@@ -4,9 +4,15 @@ from collections.abc import Callable
 from typing import TypeVar, cast, final
 
 import equinox as eqx
-import jax.numpy as jnp
 
-from symoden.blocks import AbstractBlock, AbstractFriction, InverseBlock, Parameters, with_parameters
+from symoden.blocks import (
+    AbstractBlock,
+    AbstractFriction,
+    InverseBlock,
+    Parameters,
+    inverse_of_positive,
+    with_parameters,
+)
 from symoden.mechanics import AbstractMechanical
 from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
@@ -57,7 +63,7 @@ class StructuredModel(AbstractMechanical):
     def mass_matrix(self, q: Coordinates) -> SquareMatrix:
         """Inverse of the learned M⁻¹, or the given M."""
         block = with_parameters(self.inverse_mass, self.parameters)
-        return block.matrix(q) if isinstance(block, InverseBlock) else jnp.linalg.inv(block(q))
+        return block.matrix(q) if isinstance(block, InverseBlock) else inverse_of_positive(block(q))
 
     @_traced_once
     def potential_energy(self, q: Coordinates) -> Scalar:
