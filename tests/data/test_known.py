@@ -104,6 +104,8 @@ BAD_ROBOTS = [
     ('robot = { urdf = "arm.urdf", joint = ["hinge"] }', "has no key `joint`. Did you mean `joints`"),
     ('robot = { urdf = "arm.urdf", joints = "hinge" }', "`joints` must be a list of names"),
     ('robot = { urdf = "arm.urdf", joints = ["knee"] }', "arm.urdf`: `joints` must be names of joints that move"),
+    ('robot = { urdf = "arm.urdf", at = { hinge = "up" } }', "`at` must be a table of joints and where they stand"),
+    ('robot = { urdf = "arm.urdf", at = { hinge = 0.5 } }', "that are not in `joints`.*got `hinge` at 0.5"),
     ('robot = { urdf = "arm.urdf", gravity = -9.81 }', "`gravity` must be a list of three numbers"),
     ('robot = { urdf = "arm.urdf", gravity = ["g"] }', "`gravity` must be a list of three numbers"),
     ('robot = { urdf = "arm.urdf", gravity = [0, -9.81] }', "`gravity` must be 3 finite numbers"),

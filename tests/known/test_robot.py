@@ -132,6 +132,30 @@ def test_fingers_that_mimic_each_other_stay_at_zero_where_neither_is_a_coordinat
             read_urdf(path, joints=joints)
 
 
+def test_joints_that_stand_still_may_stand_anywhere(urdf):
+    (lower,) = read_urdf(urdf(), joints=["slide"], at={"shoulder": -math.pi / 2}).bodies
+    origin = np.array(lower.origin)  # The upper link hangs along -z; turned by a quarter about y, it lies along x.
+    assert origin[:3, 3] == pytest.approx([0.4, 0, 0])
+    assert origin[:3, :3] @ lower.axis == pytest.approx([1, 0, 0])
+    (upper,) = read_urdf(urdf(), joints=["shoulder"], at={"slide": 0.3, "grip": 1}).bodies
+    masses, heights = (1.5, 0.5, 0.25), (-0.2, -0.8, -0.95)
+    assert np.array(upper.inertia)[2, 3] == pytest.approx(np.dot(masses, heights))
+
+
+@pytest.mark.parametrize(
+    ("at", "message"),
+    [
+        ({"slide": 0.1}, "that are not in `joints`, .*: `grip`; got `slide` at 0.1"),
+        ({"flange": 1}, "got `flange` at 1"),
+        ({"wrist": 1}, "got `wrist` at 1"),
+        ({"grip": math.nan}, "by finite numbers .* got `grip` at nan"),
+    ],
+)
+def test_only_joints_that_do_not_move_are_held(urdf, at, message):
+    with pytest.raises(ValueError, match=message):
+        read_urdf(urdf(), joints=["shoulder", "slide"], at=at)
+
+
 @pytest.mark.parametrize("gravity", [[0, -9.81], [0, 0, math.inf]])
 def test_gravity_must_be_three_numbers(urdf, gravity):
     with pytest.raises(ValueError, match="`gravity` must be 3 finite numbers"):

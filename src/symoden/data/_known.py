@@ -8,7 +8,7 @@ from symoden.known import GRAVITY, PARTS, KnownParts, Robot, read_urdf
 from ._errors import DataError, listing, nearest
 
 _KEYS: Final = (*PARTS, "robot", "constants", "parameters", "correct")
-_ROBOT: Final = ("urdf", "joints", "gravity")
+_ROBOT: Final = ("urdf", "joints", "at", "gravity")
 
 
 def read_known(path: Path, table: object) -> KnownParts:
@@ -59,8 +59,11 @@ def _read_robot(path: Path, table: object) -> Robot:
         raise ValueError(f"`robot`: `joints` must be a list of names; got {joints!r}.")
     if not (isinstance(gravity, list | tuple) and all(type(number) in (int, float) for number in gravity)):
         raise ValueError(f"`robot`: `gravity` must be a list of three numbers [m/s²]; got {gravity!r}.")
+    at = given.get("at", {})
+    if not (isinstance(at, dict) and all(type(number) in (int, float) for number in at.values())):
+        raise ValueError(f"`robot`: `at` must be a table of joints and where they stand [rad or m]; got {at!r}.")
     try:
-        return read_urdf(file, joints=joints, gravity=gravity)
+        return read_urdf(file, joints=joints, at=at, gravity=gravity)
     except OSError as error:
         raise ValueError(f"`robot`: `{file}` cannot be read: {error.strerror or error}. Correct the path.") from None
     except ValueError as error:

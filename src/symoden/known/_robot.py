@@ -70,14 +70,19 @@ class _Joint(NamedTuple):
 
 
 def read_urdf(
-    path: Path | str, *, joints: Sequence[str] | None = None, gravity: Sequence[float | int] = GRAVITY
+    path: Path | str,
+    *,
+    joints: Sequence[str] | None = None,
+    at: Mapping[str, float | int] | None = None,
+    gravity: Sequence[float | int] = GRAVITY,
 ) -> Robot:
     """Read a robot from a URDF file.
 
     Args:
         path: The file.
-        joints: Names of the joints that move, in the order of the coordinates; the others stay at zero, as fingers of a
+        joints: Names of the joints that move, in the order of the coordinates; the others stand still, as fingers of a
             gripper may. All that can move, from the base outwards, if None.
+        at: Where joints that stand still do so [rad or m]; at zero where nothing is said.
         gravity: Acceleration of free fall in the frame of the base [m/s²]; another one where the base is tilted.
 
     Returns:
@@ -92,7 +97,8 @@ def read_urdf(
     every = [_joint(node) for node in root.findall("joint")]
     tree = _outwards(every, links)
     chosen = [joint.name for joint in tree if joint.kind in _MOVING] if joints is None else list(joints)
-    _refuse_joints(chosen, tree)
+    at = {} if at is None else at
+    _refuse_joints(chosen, tree, at)
     coordinates = {name: k for k, name in enumerate(chosen)}
     carried = {link: (-1, np.eye(4)) for link in links}  # The body that each link belongs to, and where on it.
     found: list[tuple[_Joint, int, np.ndarray]] = []
@@ -104,6 +110,8 @@ def read_urdf(
             found.append((joint, body, frame))
             inertias.append(np.zeros((4, 4)))
             body, frame = len(found) - 1, np.eye(4)
+        elif joint.name in at:
+            frame = frame @ _motion(joint, at[joint.name])
         carried[joint.child] = body, frame
         if body >= 0:
             inertias[body] += frame @ links[joint.child] @ frame.T
@@ -166,8 +174,8 @@ def _outwards(joints: Sequence[_Joint], links: Mapping[str, np.ndarray]) -> list
     return found
 
 
-def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint]) -> None:
-    """Refuse coordinates that are no joints, or none that are supported."""
+def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint], at: Mapping[str, float | int]) -> None:
+    """Refuse coordinates that are no joints, or none that are supported, and places of joints that move or cannot."""
     kinds = {joint.name: joint.kind for joint in tree}
     moving = ", ".join(f"`{name}`" for name, kind in kinds.items() if kind in _MOVING)
     if not chosen:
@@ -180,7 +188,14 @@ def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint]) -> None:
         if joint.mimics and {joint.name, joint.mimics} & {*chosen}:
             raise ValueError(
                 f"joint `{joint.name}` must move by itself; it mimics `{joint.mimics}`. Make it fixed, or leave both "
-                "out of `joints`: they then stay at zero."
+                "out of `joints`: they then stay where `at` says, or at zero."
+            )
+    for name, value in at.items():
+        if name in chosen or kinds.get(name) not in _MOVING or not np.isfinite(value):
+            still = ", ".join(f"`{other}`" for other in kinds if kinds[other] in _MOVING and other not in chosen)
+            raise ValueError(
+                f"`at` must say where joints stand that are not in `joints`, by finite numbers [rad or m]: "
+                f"{still or 'none here'}; got `{name}` at {value:g}."
             )
     for name, kind in kinds.items():
         if kind not in (*_MOVING, "fixed"):
@@ -201,6 +216,18 @@ def _joint(node: ET.Element) -> _Joint:
     mimic = node.find("mimic")
     mimics = "" if mimic is None or kind not in _MOVING else mimic.get("joint", "another one")
     return _Joint(name, kind, parent, child, _frame(node, f"joint `{name}`"), direction / (length or 1), mimics)
+
+
+def _motion(joint: _Joint, value: float | int) -> np.ndarray:
+    """Motion of a joint by a value, 4 × 4."""
+    from scipy.spatial.transform import Rotation
+
+    found = np.eye(4)
+    if joint.kind == "prismatic":
+        found[:3, 3] = value * joint.axis
+    else:
+        found[:3, :3] = Rotation.from_rotvec(value * joint.axis).as_matrix()
+    return found
 
 
 def _pseudo_inertia(node: ET.Element) -> np.ndarray:
