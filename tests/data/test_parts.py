@@ -164,3 +164,9 @@ def test_intervals_of_rows_are_taken_apart_by_their_column_too(tmp_path):
 def test_intervals_with_rows_in_common_are_refused(tmp_path):
     with pytest.raises(DataError, match=r"rows 20 to 24 of `.*runs\.csv` are in two of them"):
         read_dataset(written(tmp_path, table(labels=(3,)), train=TRAIN + "rows = [[0, 25], [20]]\n"))
+
+
+@pytest.mark.parametrize(("rows", "said"), [("[[0, 25], [90, 95]]", r"\[90, 95\]"), ("[70]", r"\[70\]")])
+def test_rows_beyond_the_end_of_a_file_are_refused_with_its_length(tmp_path, rows, said):
+    with pytest.raises(DataError, match=rf"`.*runs\.csv` has 60, and none of them is in {said}"):
+        read_dataset(written(tmp_path, table(labels=(3,)), train=TRAIN + f"rows = {rows}\n"))

@@ -52,6 +52,13 @@ def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, .
     part, found = description.parts[name], []
     for file in find_files(part.files, path):
         read = [read_rows(file, description.selectors, slice(*each), description.recording) for each in part.rows]
+        for each, rows in zip(part.rows, read, strict=True):
+            if not len(rows) and each != (0, None):
+                whole = read_rows(file, description.selectors, slice(None), description.recording)
+                raise DataError(
+                    f"`{path}`: [{name}] `rows` must be rows of each of its files; `{file}` has {len(whole)}, and none "
+                    f"of them is in {[*each] if each[1] is not None else [each[0]]}. Name others."
+                )
         _refuse_repeated(path, name, read)
         for k, each in enumerate(read, start=1):
             rows = in_si(each, description.units, description.zeros)
