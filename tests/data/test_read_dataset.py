@@ -130,7 +130,7 @@ BAD = [
         r"column `vphi`, line 3 \(row 1\): times must .* got 15.0 after 15.0",
     ),
     (HEAD + TRAIN + "rows = [99]\n", "a.csv`: a recording must have at least 2 rows; got 1, from row 99 on"),
-    (HEAD + TRAIN + "rows = [30, 20]\n", "a.csv`: a recording must have at least 2 rows; got 0"),
+    (HEAD + TRAIN + "rows = [30, 20]\n", r"a.csv` has 100, and none of them is in \[30, 20\]"),
     ("initial_samples = 100\n" + HEAD + TRAIN, "`a`: `initial_samples` must be .*; got 100 of 100"),
     (
         "input_matrix = [[1, 0], [0, 1]]\n" + HEAD + TRAIN,
