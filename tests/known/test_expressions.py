@@ -62,6 +62,7 @@ def test_nested_arithmetic_is_that_of_numbers(pair):
 
 BAD = [
     ("", "got an empty text"),
+    ("sign(v1)", r"got `sign\(v1\)` .* dry friction F is D = `F/sqrt\(v1\*\*2 \+ 1e-4\)`"),
     ("q1^2", r"got `\^` in `q1\^2`.*A power is written `\*\*`"),
     ("q1.real", r"got `q1\.real`"),
     ("__import__('os')", "got `'`"),

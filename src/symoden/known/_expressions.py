@@ -17,6 +17,9 @@ FUNCTIONS: Final = (
 )
 """Functions that formulas may use."""
 
+_SMOOTH_SIGN: Final = (
+    " A smooth sign of x is `x/sqrt(x**2 + 1e-4)`. As friction is −D v, a dry friction F is D = `F/sqrt(v1**2 + 1e-4)`."
+)
 _LONGEST: Final = 4000
 _DEEPEST: Final = 100
 _LARGEST_POWER: Final = 16
@@ -152,7 +155,8 @@ def _leaf(node: ast.expr, text: str) -> Tree:
     number = _number(node)
     if number is not None:
         return ("number", number)
-    _refuse(text, f"`{(ast.get_source_segment(text, node) or text)[:40]}`")
+    signed = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("sign", "sgn")
+    _refuse(text, f"`{(ast.get_source_segment(text, node) or text)[:40]}`", hint=_SMOOTH_SIGN if signed else "")
 
 
 def _number(node: ast.expr) -> float | None:
