@@ -22,6 +22,8 @@ _BY_SI: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
         "m/s": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
         "N": {"N": 1.0, "kN": 1e3},
         "N m": {"Nm": 1.0, "Ncm": 1e-2, "mNm": 1e-3},
+        "A": {"A": 1.0, "mA": 1e-3},
+        "V": {"V": 1.0, "mV": 1e-3},
         "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
     }
 )
