@@ -106,7 +106,7 @@ def test_degrees_are_unwrapped_as_angles(tmp_path):
         ('q = "mA"', "how its numbers become rad; got a unit of A"),
         ('q = "mm"', "how its numbers become rad; got a unit of m"),
         ('v = "mm/s"', "how its numbers become rad/s; got a unit of m/s"),
-        ('u = "rpm"', "say of `u`, which is of `inputs`, how its numbers become N or N m or A or V; got a unit of rad/s"),
+        ('u = "rpm"', "of `inputs`, how its numbers become N or N m or A or V; got a unit of rad/s"),
         ('u = "deg"', "got a unit of rad. Write `N, kN, Nm, Ncm, mNm, A, mA, V, mV`, or a factor\\."),
         ('t = "mm"', "say of `t`, which is of `time`, how its numbers become s; got a unit of m"),
     ],

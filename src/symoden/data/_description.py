@@ -15,7 +15,7 @@ from ._readers import Selector, names_in, variable_of
 from ._units import is_named, si_of, units_of
 from ._values import KEYS, PART_KEYS, PARTS, Check
 
-_FITTING: Final = {"time": ("s",), "inputs": ("N", "N m", "A", "V")}  # Positions and velocities are of lengths or of angles.
+_FITTING: Final = {"time": ("s",), "inputs": ("N", "N m", "A", "V")}  # Others are of lengths or of angles.
 
 
 @dataclass(frozen=True, kw_only=True)
