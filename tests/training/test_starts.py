@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import CORRECTIONS
+from symoden.blocks import CORRECTIONS, Known, KnownFriction, KnownFunction, KnownValue
 from symoden.data import windows
 from symoden.integrate import HOLDS, RK4
 from symoden.models import build
@@ -154,3 +154,21 @@ def test_an_integration_that_diverges_has_an_error_that_is_no_number(pendulum, s
     wild = scrambled(model, 1, 1e6)
     assert not np.isfinite(integration_error(wild, objective, dataclasses.replace(objective, solver=RK4(2)), batch))
     assert integration_error(model, objective, dataclasses.replace(objective, solver=RK4(2)), batch) < 1e-6
+
+
+def test_friction_that_is_stiff_at_rest_asks_for_steps_that_are_stable(pendulum, small):
+    """Rollouts hardly tell: dry friction is bounded, so that they chatter where they are; their derivatives explode."""
+    model, objective, _ = problem(pendulum(), small)
+    model = dataclasses.replace(
+        model,
+        inverse_mass=KnownValue(Known(jnp.ones((1, 1)))),
+        potential=KnownFunction(lambda q: 0.1 * jnp.cos(q[0])),
+        friction=KnownFriction(lambda q, v: 0.4 / jnp.sqrt(v[:, None] ** 2 + 1e-6)),  # Of rate 400/s at rest.
+    )
+    rest = jnp.zeros((3, 101, 1))
+    start = jnp.asarray([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]])
+    batch = Batch(ts=jnp.tile(0.01 * jnp.arange(101.0), (3, 1)), q=rest, rates=rest, us=rest, start=start)
+    once, twice, more = (dataclasses.replace(objective, solver=RK4(n)) for n in (1, 2, 4))
+    assert np.square(np.asarray(follow_starts(model, once, batch) - follow_starts(model, twice, batch))).mean() < 0.01
+    assert integration_error(model, once, twice, batch) == np.inf  # 4 in a step; 2.8 is stable.
+    assert integration_error(model, twice, more, batch) < 1e-6

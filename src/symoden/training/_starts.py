@@ -46,7 +46,7 @@ def find_start(
     """
     if not objective.frees_starts:
         return Found(window, objective.residuals(dynamics, window), None)
-    J = _by_start(dynamics, objective, window)
+    J = by_start(dynamics, objective, window)
     squares = J.T @ J
     ridge = _RIDGE * jnp.trace(squares) * jnp.eye(len(squares), dtype=squares.dtype)
     return follow_start(dynamics, objective, window, jnp.linalg.solve(squares + ridge, J.T), iterations=iterations)
@@ -112,8 +112,17 @@ def project_out(by_start: Float[Array, "r s"], columns: Float[Array, "r c"]) -> 
     return columns - Q @ (Q.T @ columns)
 
 
-def _by_start(dynamics: AbstractDynamics, objective: AbstractObjective, window: Batch) -> Float[Array, "r s"]:
-    """Jacobian of the residuals by the start."""
+def by_start(dynamics: AbstractDynamics, objective: AbstractObjective, window: Batch) -> Float[Array, "r s"]:
+    """Jacobian of one window's residuals by its start.
+
+    Args:
+        dynamics: Model.
+        objective: How rollouts are compared with windows.
+        window: One window.
+
+    Returns:
+        The Jacobian.
+    """
 
     def residuals(start: Float[Array, " s"]) -> Float[Array, " r"]:
         return objective.residuals(dynamics, window._replace(start=start)).ravel()
