@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 from dataclasses import asdict
 from types import SimpleNamespace
@@ -227,6 +228,15 @@ def test_inspect_names_what_was_given_and_what_it_left_open(described, tmp_path,
     printed = capsys.readouterr().out
     assert "mass_matrix: given up to parameters" in printed
     assert "identified parameters\nname" in printed
+
+
+def test_inspect_says_where_weights_have_a_factor_that_nothing_fixes(described, tmp_path, capsys):
+    known = '[known]\nmass_matrix = [["m"]]\nparameters.m = 3\n'
+    text = re.sub("^input_matrix.*\n", "", described.read_text(), flags=re.MULTILINE)
+    described.write_text(text + known)
+    assert main(["inspect", str(write_untrained_run(tmp_path / "run", described))]) == 0
+    title = "identified parameters: masses, moments and forces up to one common factor, which `input_matrix` would fix"
+    assert f"{title}\nname" in capsys.readouterr().out
 
 
 def test_inspect_needs_no_data_but_says_that_the_audit_does(arm_run, tmp_path, capsys):

@@ -50,7 +50,9 @@ def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> I
         rows = [
             (name, _banded(value, certain and certain.identified[name])) for name, value in found.identified.items()
         ]
-        yield TableText("identified parameters", ("name", "value"), rows)
+        factor = ": masses, moments and forces up to one common factor, which `input_matrix` would fix"
+        free = "" if found.units else factor
+        yield TableText(f"identified parameters{free}", ("name", "value"), rows)
     names, space = (config.data.position_names, config.data.input_names), Space.parse(found.space)
     for i, profile in enumerate(found.profiles):
         half = certain and certain.profiles[i]
