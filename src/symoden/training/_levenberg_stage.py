@@ -385,7 +385,7 @@ class LevenbergStage(AbstractStage):
         return self.data.objective.refined(RK4(jnp.asarray(substeps)), weighing)
 
     def _refined(self, state: TrainingState) -> int:
-        """Number of RK4 steps that keeps the integration's error below a tenth of the residuals."""
+        """Number of RK4 steps that is stable and keeps the integration's error below a tenth of the residuals."""
         if self.config.lm_substeps is not None:
             return self.config.lm_substeps
         if self.regresses:
