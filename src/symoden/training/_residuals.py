@@ -110,7 +110,7 @@ def integration_error(
 
     Returns:
         Mean of the squared differences; infinite where the coarse solver lets errors of a start grow `_UNSTABLE` times
-        as much as the fine one does.
+        as much as the fine one does, or without bounds.
     """
     lean = without_silent(dynamics)
     (one, grown), (other, expected) = (
@@ -120,7 +120,7 @@ def integration_error(
         for each in (coarse, fine)
     )
     with np.errstate(over="ignore", invalid="ignore"):
-        stable = np.all(grown <= _UNSTABLE * expected)
+        stable = np.all(np.isfinite(grown) & (grown <= _UNSTABLE * expected))
         return mean_square(one - other) if stable else math.inf
 
 
