@@ -53,7 +53,7 @@ def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, .
     for file in find_files(part.files, path):
         read = [read_rows(file, description.selectors, slice(*each), description.recording) for each in part.rows]
         for each, rows in zip(part.rows, read, strict=True):
-            if not len(rows) and each != (0, None):
+            if not len(rows) and each != (0, None) and not part.recordings:
                 whole = read_rows(file, description.selectors, slice(None), description.recording)
                 raise DataError(
                     f"`{path}`: [{name}] `rows` must be rows of each of its files; `{file}` has {len(whole)}, and none "

@@ -18,6 +18,7 @@ GRAVITY: Final = (0.0, 0.0, -9.81)
 _MOVING: Final = ("revolute", "continuous", "prismatic")
 _LARGEST: Final = 10**7  # Bytes of a file.
 _THINNEST: Final = 1e-3  # Least second moment of a body's mass beside its largest: a rod's.
+_FARTHEST: Final = 1e6  # A joint's value [rad or m].
 _SMALLEST: Final = 1e-3  # Least radius of gyration [m].
 
 
@@ -191,11 +192,11 @@ def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint], at: Mapping[st
                 "out of `joints`: they then stay where `at` says, or at zero."
             )
     for name, value in at.items():
-        if name in chosen or kinds.get(name) not in _MOVING or not np.isfinite(value):
+        if name in chosen or kinds.get(name) not in _MOVING or not abs(value) < _FARTHEST:
             still = ", ".join(f"`{other}`" for other in kinds if kinds[other] in _MOVING and other not in chosen)
             raise ValueError(
-                f"`at` must say where joints stand that are not in `joints`, by finite numbers [rad or m]: "
-                f"{still or 'none here'}; got `{name}` at {value:g}."
+                f"`at` must say where joints stand that are not in `joints`, by numbers below {_FARTHEST:g} [rad or m]: "
+                f"{still or 'none here'}; got `{name}` at {str(value)[:20]}."
             )
     for name, kind in kinds.items():
         if kind not in (*_MOVING, "fixed"):

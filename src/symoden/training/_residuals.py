@@ -20,6 +20,7 @@ _ITERATIONS = 3
 # last block is computed in vain, and of a handful of long windows more would be that than not.
 _BLOCK = 16
 _UNSTABLE = 10.0
+_LOST = 1e20  # No digits are left to others; far beyond stability a finer solver may grow faster still.
 
 
 def find_starts(dynamics: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Found:
@@ -110,7 +111,7 @@ def integration_error(
 
     Returns:
         Mean of the squared differences; infinite where the coarse solver lets errors of a start grow `_UNSTABLE` times
-        as much as the fine one does, or without bounds.
+        as much as the fine one does, or beyond `_LOST`.
     """
     lean = without_silent(dynamics)
     (one, grown), (other, expected) = (
@@ -120,7 +121,7 @@ def integration_error(
         for each in (coarse, fine)
     )
     with np.errstate(over="ignore", invalid="ignore"):
-        stable = np.all(np.isfinite(grown) & (grown <= _UNSTABLE * expected))
+        stable = np.all(grown <= np.minimum(_UNSTABLE * expected, _LOST))
         return mean_square(one - other) if stable else math.inf
 
 
