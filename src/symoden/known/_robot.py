@@ -195,8 +195,8 @@ def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint], at: Mapping[st
         if name in chosen or kinds.get(name) not in _MOVING or not abs(value) < _FARTHEST:
             still = ", ".join(f"`{other}`" for other in kinds if kinds[other] in _MOVING and other not in chosen)
             raise ValueError(
-                f"`at` must say where joints stand that are not in `joints`, by numbers below {_FARTHEST:g} [rad or m]: "
-                f"{still or 'none here'}; got `{name}` at {str(value)[:20]}."
+                f"`at` must say where joints stand that are not in `joints`, by numbers below {_FARTHEST:g} "
+                f"[rad or m]: {still or 'none here'}; got `{name}` at {str(value)[:20]}."
             )
     for name, kind in kinds.items():
         if kind not in (*_MOVING, "fixed"):
