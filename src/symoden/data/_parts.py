@@ -52,19 +52,25 @@ def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, .
     part, found = description.parts[name], []
     for file in find_files(part.files, path):
         read = [read_rows(file, description.selectors, slice(*each), description.recording) for each in part.rows]
-        for each, rows in zip(part.rows, read, strict=True):
-            if not len(rows) and each != (0, None) and not part.recordings:
-                whole = read_rows(file, description.selectors, slice(None), description.recording)
-                raise DataError(
-                    f"`{path}`: [{name}] `rows` must be rows of each of its files; `{file}` has {len(whole)}, and none "
-                    f"of them is in {[*each] if each[1] is not None else [each[0]]}. Name others."
-                )
+        _refuse_absent(path, description, name, read)
         _refuse_repeated(path, name, read)
         for k, each in enumerate(read, start=1):
             rows = in_si(each, description.units, description.zeros)
             numbered = dataclasses.replace(rows, interval=k if len(read) > 1 else None)
             found.extend(_apart(numbered, description.recording))
     return tuple(found)
+
+
+def _refuse_absent(path: Path, description: Description, name: str, intervals: Sequence[Rows]) -> None:
+    """Refuse intervals that a file has no rows in, unless the part names recordings, which other files may have."""
+    part = description.parts[name]
+    for (start, stop), rows in zip(part.rows, intervals, strict=True):
+        if not len(rows) and (start, stop) != (0, None) and not part.recordings:
+            whole = read_rows(rows.path, description.selectors, slice(None), description.recording)
+            raise DataError(
+                f"`{path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has {len(whole)}, and none "
+                f"of them is in {[start] if stop is None else [start, stop]}. Name others."
+            )
 
 
 def _refuse_repeated(path: Path, name: str, intervals: Sequence[Rows]) -> None:

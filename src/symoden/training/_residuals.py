@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import equinox as eqx
 import jax
@@ -114,12 +115,8 @@ def integration_error(
         as much as the fine one does, or beyond `_LOST`.
     """
     lean = without_silent(dynamics)
-    (one, grown), (other, expected) = (
-        jax.tree.map(
-            lambda x: np.asarray(x, float), _block_by_block(lambda some, each=each: _spread(lean, each, some), batch)
-        )
-        for each in (coarse, fine)
-    )
+    spreads = [_block_by_block(partial(_spread, lean, each), batch) for each in (coarse, fine)]
+    (one, grown), (other, expected) = jax.tree.map(lambda x: np.asarray(x, float), spreads)
     with np.errstate(over="ignore", invalid="ignore"):
         stable = np.all(grown <= np.minimum(_UNSTABLE * expected, _LOST))
         return mean_square(one - other) if stable else math.inf
