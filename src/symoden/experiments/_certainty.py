@@ -173,7 +173,7 @@ def _blocks(model: AbstractPortHamiltonian, q: np.ndarray, v: np.ndarray) -> _Bl
 
     def one(q: Array, v: Array) -> _Blocks:
         return _Blocks(
-            mass=jnp.linalg.inv(model.inverse_mass_matrix(q)),
+            mass=model.mass_matrix(q),
             potential=potential(model, q),
             inputs=model.input_matrix(q),
             dissipation=model.dissipation_matrix(q, v),
