@@ -68,8 +68,8 @@ def _refuse_absent(path: Path, description: Description, name: str, intervals: S
         if not len(rows) and (start, stop) != (0, None) and not part.recordings:
             whole = read_rows(rows.path, description.selectors, slice(None), description.recording)
             raise DataError(
-                f"`{path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has {len(whole)}, and none "
-                f"of them is in {[start] if stop is None else [start, stop]}. Name others."
+                f"`{path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has {len(whole)}, and "
+                f"none of them is in {[start] if stop is None else [start, stop]}. Name others."
             )
 
 
