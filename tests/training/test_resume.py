@@ -111,9 +111,20 @@ def test_the_time_limit_is_on_this_run_alone():
     watch = Stopwatch(1.0)
     watch.spent = 600.0
     assert watch.seconds >= 600
-    assert not watch.is_over
-    assert Stopwatch(0.0).is_over
-    assert not Stopwatch(None).is_over
+    assert not watch.is_over()
+    assert Stopwatch(0.0).is_over()
+    assert not Stopwatch(None).is_over()
+
+
+@pytest.mark.parametrize(("ends", "over"), [([50], False), ([50, 55], False), ([5, 30, 55], True), ([30, 34, 57], True)])
+def test_a_step_that_would_end_after_the_time_limit_is_not_begun(monkeypatch, ends, over):
+    clock = 0.0
+    monkeypatch.setattr("symoden.training._run.time.monotonic", lambda: clock)
+    watch = Stopwatch(1.0)
+    for clock in ends[:-1]:
+        assert not watch.is_over()
+    clock = ends[-1]
+    assert watch.is_over() == over
 
 
 def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path):

@@ -239,7 +239,7 @@ def train_members(
         for done in member.train():
             found = done.best
             progress(Progress(name, done.step, member.steps, done.loss, None, watch.seconds))
-            if watch.is_over and not done.ended:
+            if watch.is_over() and not done.ended:
                 return ensemble
         members = ensemble.members
         floor = EXPLAINED if stage.config.scaled_loss else 0.0

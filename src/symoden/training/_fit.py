@@ -20,8 +20,9 @@ from symoden.spaces import Space
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
-from ._data import hold_out
+from ._data import hold_out, regression_data
 from ._ensemble import Ensemble, Pattern, check_members, train_members
+from ._first_inputs import learns_inputs, regress_inputs, with_inputs
 from ._flatten import cast, freed
 from ._gauss_newton import MOST_SOLVED
 from ._levenberg_stage import LevenbergStage
@@ -251,8 +252,14 @@ def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Ca
             known=dataset.known,
             key=key,
         )
+        drawn = drawn if first is None else with_inputs(drawn, first)
         return awaken(drawn, key=jax.random.fold_in(key, 1)) if awake else drawn
 
+    first = None
+    untouched = fresh(0)
+    if config.lm_steps and learns_inputs(untouched):
+        windows = regression_data(dataset, untouched, config)
+        first = None if windows is None else regress_inputs(cast(untouched, jnp.float64), windows)
     return fresh
 
 

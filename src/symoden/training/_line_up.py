@@ -26,6 +26,7 @@ from ._data import (
     name_thinned,
     regression_data,
 )
+from ._first_inputs import knows_energies
 from ._flatten import freed
 from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
@@ -191,7 +192,8 @@ def _further(
         stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))
     if not grow:
         return stages
-    if turns and regression and data.validation is not None:  # Without, it would be kept whatever it is.
+    anew = turns and regression and not knows_energies(dynamics)  # What is given cannot be bent.
+    if anew and data.validation is not None:  # Without, it would be kept whatever it is.
         stages.append(_actuation_anew(dynamics, data, config, learns=learns))
     again = (learn + 1) // 2 if learns else grow  # At a factor of three a step priors are through in 17.
     # Else every part is given, and nothing is free before networks are.

@@ -172,7 +172,7 @@ def _spread(
         # In any direction: what explodes does so in nearly all of them, and to look at each takes as many rollouts.
         error = jnp.asarray(np.random.default_rng(0).normal(size=window.start.shape), window.start.dtype)
         found, grown = jax.jvp(residuals, (window.start,), (error,))
-        predicted = grown[-(window.ts.shape[0] - 1) :]  # Where starts are free, theirs comes first, and counts for more.
+        predicted = grown[-(window.ts.shape[0] - 1) :]  # Before these stands the start's, where it is free.
         return found, jnp.linalg.norm(predicted)
 
     return jax.vmap(one)(block)

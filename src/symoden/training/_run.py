@@ -1,5 +1,6 @@
 """Going through the stages of training: reports, checkpoints, the time limit."""
 
+import itertools
 import json
 import math
 import time
@@ -58,16 +59,23 @@ class Stopwatch:
         self.spent = 0.0  # In earlier runs [s].
         self._started = time.monotonic()
         self._limit = max_minutes
+        self._ends = [0.0]  # Of the steps so far [s].
 
     @property
     def seconds(self) -> float:
         """Time spent [s]."""
         return self.spent + time.monotonic() - self._started
 
-    @property
     def is_over(self) -> bool:
-        """Whether the time is up."""
-        return self._limit is not None and time.monotonic() - self._started >= 60 * self._limit
+        """Whether the time is up, or would be before another step has ended; to be asked after each one.
+
+        Returns:
+            Whether it is so. Of the last two steps the shorter one tells: what compiles first takes long once.
+        """
+        now = time.monotonic() - self._started
+        self._ends = [*self._ends[-2:], now]
+        steps = [end - start for start, end in itertools.pairwise(self._ends)]
+        return self._limit is not None and now + (min(steps) if len(steps) > 1 else 0.0) > 60 * self._limit
 
     def outcome(self, left: Sequence[str]) -> str:
         """How training ended when it is.
@@ -202,7 +210,7 @@ def run(
         journal.write(stages, state, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             progress(now)
-        if watch.is_over and state.stage < len(stages):
+        if watch.is_over() and state.stage < len(stages):
             left = stages[state.stage :]
             state, verdict = left[0].settled(state)
             so_far = {left[0].name: f"cut short, {verdict}"} if verdict else {}
