@@ -116,15 +116,14 @@ def test_the_time_limit_is_on_this_run_alone():
     assert not Stopwatch(None).is_over()
 
 
-@pytest.mark.parametrize(("ends", "over"), [([50], False), ([50, 55], False), ([5, 30, 55], True), ([30, 34, 57], True)])
+@pytest.mark.parametrize(
+    ("ends", "over"), [([50], False), ([50, 55], False), ([5, 30, 55], True), ([30, 34, 57], True)]
+)
 def test_a_step_that_would_end_after_the_time_limit_is_not_begun(monkeypatch, ends, over):
-    clock = 0.0
-    monkeypatch.setattr("symoden.training._run.time.monotonic", lambda: clock)
+    clock = iter([0.0, *ends])
+    monkeypatch.setattr("symoden.training._run.time.monotonic", lambda: float(next(clock)))
     watch = Stopwatch(1.0)
-    for clock in ends[:-1]:
-        assert not watch.is_over()
-    clock = ends[-1]
-    assert watch.is_over() == over
+    assert [watch.is_over() for _ in ends] == [*[False] * (len(ends) - 1), over]
 
 
 def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path):
