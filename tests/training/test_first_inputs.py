@@ -1,6 +1,7 @@
 """Where M and V are given, g begins with what a regression finds."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ from symoden.known import KnownParts
 from symoden.models import BlockConfig, build
 from symoden.spaces import Space
 from symoden.systems import LinkChain
-from symoden.training._data import regression_data
+from symoden.training._data import hold_out, regression_data
 from symoden.training._first_inputs import learns_inputs, regress_inputs, with_inputs
 from symoden.training._fit import _prepare
 from symoden.training._flatten import cast
@@ -38,6 +39,13 @@ def known(weight, **others):
     )
 
 
+def regressed(dataset, model, config):
+    with jax.enable_x64(True):
+        windows = regression_data(dataset, model, config)
+        assert windows is not None
+        return regress_inputs(cast(model, jnp.float64), windows)
+
+
 def built(dataset, model, **parts):
     space = Space.parse(dataset.space)
     return build(model, space, dataset.inputs, momenta=dataset.momenta, key=jax.random.key(0), **parts)
@@ -47,28 +55,24 @@ def built(dataset, model, **parts):
 @pytest.mark.parametrize("damping", [None, 0.1])
 def test_it_is_that_of_the_recordings_in_the_unit_of_the_weights(mixed, plain, quick, weight, damping):
     friction = {} if damping is None else {"dissipation_matrix": weight * damping * np.eye(3)}
-    model = cast(built(mixed, plain, known=known(weight, **friction)), jnp.float64)
-    with jax.enable_x64(True):
-        found = regress_inputs(model, regression_data(mixed, model, quick))
+    found = regressed(mixed, built(mixed, plain, known=known(weight, **friction)), quick)
     assert found == pytest.approx(weight * MIXED, abs=0.02 * weight * np.abs(MIXED).max())
 
 
 def test_training_begins_with_it(mixed, plain, quick):
     asks = dataclasses.replace(plain, actuation=BlockConfig(hidden=(3,), constant=True))
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):
-        _, state = _prepare(dataclasses.replace(mixed, known=known(1.0)), asks, quick)
+        begun: Any = _prepare(dataclasses.replace(mixed, known=known(1.0)), asks, quick)[1].model
     q = np.random.default_rng(0).normal(size=3)
-    assert np.asarray(state.model.input_matrix(q)) == pytest.approx(MIXED, abs=0.1)
-    exact = with_inputs(built(mixed, asks, known=known(1.0)), MIXED)
+    assert np.asarray(begun.input_matrix(q)) == pytest.approx(MIXED, abs=0.1)
+    exact: Any = with_inputs(built(mixed, asks, known=known(1.0)), MIXED)
     assert np.asarray(exact.input_matrix(jnp.asarray(q, float))) == pytest.approx(MIXED, rel=1e-5)
 
 
 def test_what_nothing_tells_is_zero(mixed, plain, quick):
     silent = tuple(dataclasses.replace(each, us=np.concatenate([each.us, 0 * each.us], axis=1)) for each in mixed.train)
     dataset = dataclasses.replace(mixed, train=silent, input_names=())
-    model = cast(built(dataset, plain, known=known(1.0)), jnp.float64)
-    with jax.enable_x64(True):
-        found = regress_inputs(model, regression_data(dataset, model, quick))
+    found = regressed(dataset, built(dataset, plain, known=known(1.0)), quick)
     assert np.all(found[:, 3:] == 0)
     assert found[:, :3] == pytest.approx(MIXED, abs=0.1)
 
@@ -90,7 +94,7 @@ def test_it_is_for_given_energies_and_inputs_that_are_not(mixed, plain):
 
 def test_inputs_that_turn_are_not_asked_for_anew_where_nothing_was_bent_around_them(mixed, plain, quick):
     model = dataclasses.replace(plain, actuation=BlockConfig(hidden=(3,), constant=True))
-    held = dataclasses.replace(mixed, validation=mixed.train[:1])
+    held = hold_out(mixed, quick)
     for parts, wanted in ((None, True), (known(1.0), False)):
         names = [stage.name for stage in line_up(held, built(held, model, known=parts), (), quick)]
         assert "regression: actuation" in names
