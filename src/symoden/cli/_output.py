@@ -9,12 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 
 from symoden.storage import write_atomically
 
 _WIDE = 200
+_BETWEEN = 3  # Characters between columns, at most.
 
 
 class TableText(NamedTuple):
@@ -49,19 +51,36 @@ def console(*, stderr: bool = False) -> Console:
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
     """Print a table, the first column to the left and numbers to the right.
 
+    What is too wide goes on in more tables, each with the first column.
+
     Args:
         title: Line above it.
         columns: Heads of the columns.
         rows: Cells, in the order of the columns.
     """
     out = console()
-    table = Table(box=box.SIMPLE_HEAD if out.is_terminal else None, pad_edge=False)
-    for i, column in enumerate(columns):
-        table.add_column(column, justify="left" if i == 0 else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(*(number(cell) if isinstance(cell, float) else str(cell) for cell in row))
+    lines = [list(columns), *([number(x) if isinstance(x, float) else str(x) for x in row] for row in rows)]
+    widths = [max(map(cell_len, column)) + _BETWEEN for column in zip(*lines, strict=True)]
     print(f"\n{title}", flush=True)
-    out.print(table)
+    for some in _that_fit(widths, out.width):
+        table = Table(box=box.SIMPLE_HEAD if out.is_terminal else None, pad_edge=False)
+        for i in some:
+            table.add_column(columns[i], justify="left" if i == 0 else "right", no_wrap=True)
+        for line in lines[1:]:
+            table.add_row(*(line[i] for i in some))
+        out.print(table)
+
+
+def _that_fit(widths: Sequence[int], most: int) -> list[list[int]]:
+    """Columns of as few tables as are needed, the first column in each."""
+    tables, total = [[0]], widths[0]
+    for i, width in enumerate(widths[1:], start=1):
+        if total + width > most and len(tables[-1]) > 1:
+            tables.append([0])
+            total = widths[0]
+        tables[-1].append(i)
+        total += width
+    return tables
 
 
 def number(value: float | None) -> str:

@@ -10,6 +10,7 @@ from ._output import TableText, number
 from ._words import size_words
 
 _ROUNDING: Final = 1e-12
+_ANYWHERE: Final = "anywhere"
 
 
 def facts(found: Inspection) -> Iterator[tuple[str, str]]:
@@ -54,9 +55,15 @@ def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> I
         free = "" if found.units else factor
         yield TableText(f"identified parameters{free}", ("name", "value"), rows)
     names, space = (config.data.position_names, config.data.input_names), Space.parse(found.space)
-    for i, profile in enumerate(found.profiles):
-        half = certain and certain.profiles[i]
-        yield from _profile_tables(profile, half, *names, title=space.title(names[0][i], i), given=found.given)
+    along = [
+        list(
+            _profile_tables(
+                profile, certain and certain.profiles[i], *names, title=space.title(names[0][i], i), given=found.given
+            )
+        )
+        for i, profile in enumerate(found.profiles)
+    ]
+    yield from _without_repetition(along)
     for k, along in enumerate(found.friction):
         i, band = along.coordinate, certain and certain.friction[k]
         columns = (along.coefficient, band and band.coefficient), (along.force, band and band.force)
@@ -99,7 +106,7 @@ def _profile_tables(
     names = positions, inputs, given
     for curves, half, note in (
         (profile.energy_curves(), widths and widths.energy_curves(), ""),
-        (profile.port_curves(*names), widths and widths.port_curves(*names), at),
+        (profile.port_curves(*names), widths and profile.port_curves(*names, widths=widths), at),
     ):
         if curves:
             rows = [
@@ -107,5 +114,20 @@ def _profile_tables(
                 for k, value in enumerate(profile.values)
             ]
             if all(row[1:] == rows[0][1:] for row in rows):
-                rows = [["anywhere", *rows[0][1:]]]
+                rows = [[_ANYWHERE, *rows[0][1:]]]
             yield TableText(f"along {name}{others}{note}", (title, *curves), rows)
+
+
+def _without_repetition(along: Sequence[Sequence[TableText]]) -> Iterator[TableText]:
+    """Tables coordinate by coordinate; what is the same everywhere once, and first."""
+    everywhere = [
+        first
+        for first, *others in zip(*along, strict=False)
+        if others and first.rows[0][0] == _ANYWHERE and all(other.rows == first.rows for other in others)
+    ]
+    for table in everywhere:
+        note = table.title.partition(";")[2]
+        yield TableText(f"in all configurations{note and ';'}{note}", ("", *table.columns[1:]), table.rows)
+    known = [table.rows for table in everywhere]
+    for tables in along:
+        yield from (table for table in tables if table.rows not in known)

@@ -53,7 +53,12 @@ class Profile:
         return curves if self.potential_energy is None else curves | {"V - min V": self.potential_energy}
 
     def port_curves(
-        self, positions: Sequence[str], inputs: Sequence[str], given: Collection[str]
+        self,
+        positions: Sequence[str],
+        inputs: Sequence[str],
+        given: Collection[str],
+        *,
+        widths: "Profile | None" = None,
     ) -> dict[str, Float[np.ndarray, " K"]]:
         """Entries of g, unless it is given, and of D, by their names.
 
@@ -61,15 +66,26 @@ class Profile:
             positions: Names of the coordinates.
             inputs: Names of the inputs.
             given: Parts that were given.
+            widths: Half widths of bands, for the same curves of these.
 
         Returns:
-            The curves; of a large D the diagonal alone.
+            The curves; of a large D the diagonal alone, and of a large g the entry by which each input does most.
         """
-        curves: dict[str, np.ndarray] = {}
-        if self.input_matrix is not None and "input_matrix" not in given:
-            pairs = product(enumerate(positions), enumerate(inputs))
-            curves = {f"g[{q}, {u}]": self.input_matrix[:, i, j] for (i, q), (j, u) in pairs}
-        return curves | _entries("D", self.dissipation_matrix)
+        shown, curves = widths or self, {}
+        if shown.input_matrix is not None and "input_matrix" not in given:
+            curves = {f"g[{positions[i]}, {inputs[j]}]": shown.input_matrix[:, i, j] for i, j in self._acting()}
+        return curves | _entries("D", shown.dissipation_matrix)
+
+    def _acting(self) -> list[tuple[int, int]]:
+        """Which entries of g are shown, row by row."""
+        if self.input_matrix is None or self.mass_matrix is None:
+            return []
+        _, n, m = self.input_matrix.shape
+        if n <= _SMALL:
+            return list(product(range(n), range(m)))
+        # A force counts by the kinetic energy that it gives to its coordinate alone in a while.
+        forces = np.abs(self.input_matrix) / np.sqrt(np.diagonal(self.mass_matrix, axis1=1, axis2=2))[:, :, None]
+        return sorted((int(i), j) for j, i in enumerate(forces.mean(axis=0).argmax(axis=0)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

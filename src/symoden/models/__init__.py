@@ -6,7 +6,12 @@ from ._config import KINDS as KINDS, BlockConfig as BlockConfig, Kind as Kind, M
 from ._embedded import embedded_vector_field as embedded_vector_field
 from ._files import load as load, save as save
 from ._gauge import rescale as rescale
-from ._given import Given as Given, given_parts as given_parts, parts_that_fix_the_scale as parts_that_fix_the_scale
+from ._given import (
+    Given as Given,
+    energies_are_given as energies_are_given,
+    given_parts as given_parts,
+    parts_that_fix_the_scale as parts_that_fix_the_scale,
+)
 from ._known_data import (
     KnownMagnitudes as KnownMagnitudes,
     check_known as check_known,
@@ -32,6 +37,7 @@ __all__ = [
     "build",
     "check_known",
     "embedded_vector_field",
+    "energies_are_given",
     "given_parts",
     "known_magnitudes",
     "load",

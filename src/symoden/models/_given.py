@@ -66,6 +66,18 @@ def given_parts(model: AbstractDynamics) -> dict[str, Given]:
     return {name: how for name, block in blocks.items() if (how := _how(block)) is not None}
 
 
+def energies_are_given(model: AbstractDynamics) -> bool:
+    """Whether M and V are given, at least up to something.
+
+    Args:
+        model: Any model.
+
+    Returns:
+        Whether they are.
+    """
+    return {"mass_matrix", "potential_energy"} <= set(given_parts(model))
+
+
 def parts_that_fix_the_scale(model: AbstractDynamics) -> tuple[str, ...]:
     """Name the given parts that leave no common factor of inertia, energy, input and friction open.
 

@@ -97,7 +97,7 @@ def _panels(
     profile, widths = found.profiles[k], certain and certain.profiles[k]
     space = Space.parse(found.space)
     curves = profile.energy_curves() | profile.port_curves(positions, inputs, found.given)
-    half = widths and widths.energy_curves() | widths.port_curves(positions, inputs, found.given)
+    half = widths and widths.energy_curves() | profile.port_curves(positions, inputs, found.given, widths=widths)
     groups = {"M": "M", "V": "V - min V", "g": "g", "D": "D at half of the largest velocities"}
     groups |= {letter: f"{groups[letter]} [{unit}]" for letter, unit in found.units.items()}
     title, panels = space.title(positions[k], k), []

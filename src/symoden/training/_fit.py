@@ -15,18 +15,18 @@ import jax.numpy as jnp
 from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL, count_parameters, trainable
 from symoden.data import DataError, Dataset, check_trainable
 from symoden.mechanics import AbstractDynamics
-from symoden.models import ModelConfig, awaken, build, save
+from symoden.models import ModelConfig, StructuredModel, awaken, build, save
 from symoden.spaces import Space
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import hold_out, regression_data
 from ._ensemble import Ensemble, Pattern, check_members, train_members
-from ._first_inputs import learns_inputs, regress_inputs, with_inputs
+from ._first_guess import begin_with, can_be_guessed, guess
 from ._flatten import cast, freed
 from ._gauss_newton import MOST_SOLVED
 from ._levenberg_stage import LevenbergStage
-from ._line_up import line_up
+from ._line_up import can_regress, line_up
 from ._run import MODEL, Journal, Progress, Stopwatch, run
 from ._scales import measure_scales
 from ._stages import AbstractStage
@@ -252,14 +252,15 @@ def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Ca
             known=dataset.known,
             key=key,
         )
-        drawn = drawn if first is None else with_inputs(drawn, first)
+        if first is not None and isinstance(drawn, StructuredModel):
+            drawn = begin_with(drawn, first)
         return awaken(drawn, key=jax.random.fold_in(key, 1)) if awake else drawn
 
     first = None
     untouched = fresh(0)
-    if config.lm_steps and learns_inputs(untouched):
+    if can_regress(untouched, config) and isinstance(untouched, StructuredModel) and can_be_guessed(untouched):
         windows = regression_data(dataset, untouched, config)
-        first = None if windows is None else regress_inputs(cast(untouched, jnp.float64), windows)
+        first = None if windows is None else guess(cast(untouched, jnp.float64), windows)
     return fresh
 
 

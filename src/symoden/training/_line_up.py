@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, INERTIA, NETWORKS, POTENTIAL, count_parameters
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
-from symoden.models import StructuredModel
+from symoden.models import StructuredModel, energies_are_given
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
@@ -26,7 +26,6 @@ from ._data import (
     name_thinned,
     regression_data,
 )
-from ._first_inputs import knows_energies
 from ._flatten import freed
 from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
@@ -53,7 +52,7 @@ def line_up(
     """
     free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
-    weak = regression_data(dataset, dynamics, config) if free and _can_regress(dynamics, config) else None
+    weak = regression_data(dataset, dynamics, config) if free and can_regress(dynamics, config) else None
     first = dynamics.space.size >= _MANY
     if weak is not None and first:
         stages.extend(_regression(dynamics, weak, config))
@@ -92,8 +91,16 @@ def line_up(
     return stages
 
 
-def _can_regress(dynamics: AbstractDynamics, config: TrainingConfig) -> bool:
-    """Whether there is a weak form of the equations of motion, and second-order steps are wanted."""
+def can_regress(dynamics: AbstractDynamics, config: TrainingConfig) -> bool:
+    """Whether there is a weak form of the equations of motion, and second-order steps are wanted.
+
+    Args:
+        dynamics: Untrained model.
+        config: Settings.
+
+    Returns:
+        Whether it is so.
+    """
     if not isinstance(dynamics, StructuredModel) or not config.lm_steps:
         return False
     friction = jax.eval_shape(dynamics.dissipation_matrix, *jnp.zeros((2, dynamics.space.size)))
@@ -192,7 +199,7 @@ def _further(
         stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))
     if not grow:
         return stages
-    anew = turns and regression and not knows_energies(dynamics)  # What is given cannot be bent.
+    anew = turns and regression and not energies_are_given(dynamics)  # What is given cannot be bent.
     if anew and data.validation is not None:  # Without, it would be kept whatever it is.
         stages.append(_actuation_anew(dynamics, data, config, learns=learns))
     again = (learn + 1) // 2 if learns else grow  # At a factor of three a step priors are through in 17.

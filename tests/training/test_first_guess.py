@@ -1,4 +1,4 @@
-"""Where M and V are given, g begins with what a regression finds."""
+"""Where M and V are given, inputs, drives and friction begin with what a regression finds."""
 
 import dataclasses
 from typing import Any
@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.known import KnownParts
+from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, build
 from symoden.spaces import Space
-from symoden.systems import LinkChain
+from symoden.systems import LinkChain, Pendulum
 from symoden.training._data import hold_out, regression_data
-from symoden.training._first_inputs import learns_inputs, regress_inputs, with_inputs
+from symoden.training._first_guess import FirstGuess, begin_with, can_be_guessed, guess
 from symoden.training._fit import _prepare
 from symoden.training._flatten import cast
 from symoden.training._line_up import line_up
@@ -39,11 +39,11 @@ def known(weight, **others):
     )
 
 
-def regressed(dataset, model, config):
+def guessed(dataset, model, config):
     with jax.enable_x64(True):
         windows = regression_data(dataset, model, config)
         assert windows is not None
-        return regress_inputs(cast(model, jnp.float64), windows)
+        return guess(cast(model, jnp.float64), windows)
 
 
 def built(dataset, model, **parts):
@@ -55,8 +55,12 @@ def built(dataset, model, **parts):
 @pytest.mark.parametrize("damping", [None, 0.1])
 def test_it_is_that_of_the_recordings_in_the_unit_of_the_weights(mixed, plain, quick, weight, damping):
     friction = {} if damping is None else {"dissipation_matrix": weight * damping * np.eye(3)}
-    found = regressed(mixed, built(mixed, plain, known=known(weight, **friction)), quick)
-    assert found == pytest.approx(weight * MIXED, abs=0.02 * weight * np.abs(MIXED).max())
+    found = guessed(mixed, built(mixed, plain, known=known(weight, **friction)), quick)
+    assert found.inputs == pytest.approx(weight * MIXED, abs=0.02 * weight * np.abs(MIXED).max())
+    assert found.drives is None
+    assert (found.friction is None) == (damping is not None)
+    if found.friction is not None:
+        assert found.friction == pytest.approx(np.full(3, weight * 0.1), rel=0.1)
 
 
 def test_training_begins_with_it(mixed, plain, quick):
@@ -65,23 +69,57 @@ def test_training_begins_with_it(mixed, plain, quick):
         begun: Any = _prepare(dataclasses.replace(mixed, known=known(1.0)), asks, quick)[1].model
     q = np.random.default_rng(0).normal(size=3)
     assert np.asarray(begun.input_matrix(q)) == pytest.approx(MIXED, abs=0.1)
-    exact: Any = with_inputs(built(mixed, asks, known=known(1.0)), MIXED)
-    assert np.asarray(exact.input_matrix(jnp.asarray(q, float))) == pytest.approx(MIXED, rel=1e-5)
+
+
+@pytest.mark.parametrize("knees", [(), (0.1,)])
+def test_a_model_begins_with_what_was_found(mixed, plain, knees):
+    asks = dataclasses.replace(plain, actuation=BlockConfig(hidden=(3,), constant=True), knees=knees)
+    found = FirstGuess(inputs=MIXED, drives=None, friction=np.array([0.3, 0.2, 5.0]))
+    model = begin_with(built(mixed, asks, known=known(1.0)), found)
+    q, v = jnp.linspace(-1, 1, 3), jnp.ones(3)
+    assert np.asarray(model.input_matrix(q)) == pytest.approx(MIXED, rel=1e-5)
+    assert np.asarray(model.dissipation_matrix(q, v)) == pytest.approx(np.diag(found.friction), rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("gain", [1.0, -4.0])
+def test_drives_are_what_bodies_leave_of_the_inertia(pendulum, plain, quick, gain):
+    truth = Pendulum(damping=0.2)
+    inertia = float(truth.mass_matrix(jnp.zeros(1))[0, 0])
+    moment = float(truth.potential_energy(jnp.array([jnp.pi]))) / 2 / 9.81  # Mass times distance.
+    J = np.diag([0.1 * inertia, 0.0, 0.5 * inertia, 100.0])
+    J[2, 3] = J[3, 2] = -moment
+    J[1, 1] = 1e-6
+    pose, inertial = (tuple(map(tuple, matrix.tolist())) for matrix in (np.eye(4), J))
+    body = Body(joint="hinge", coordinate=0, parent=-1, prismatic=False, axis=(0, 1, 0), origin=pose, inertia=inertial)
+    dataset = pendulum(samples=60)
+    dataset = dataclasses.replace(
+        dataset, train=tuple(dataclasses.replace(each, us=each.us / gain) for each in dataset.train)
+    )
+    for g in (None, np.array([[gain]])):
+        known = KnownParts(robot=Robot(bodies=(body,)))
+        found = guessed(dataset, built(dataset, plain, known=known, input_matrix=g), quick)
+        assert found.drives == pytest.approx([0.4 * inertia], rel=0.02)
+        assert found.friction == pytest.approx([0.2], rel=0.1)
+        assert (found.inputs is None) == (g is not None)
+        if found.inputs is not None:
+            assert found.inputs == pytest.approx(np.array([[gain]]), rel=0.02)
+        model = begin_with(built(dataset, plain, known=known, input_matrix=g), found)
+        assert np.asarray(model.mass_matrix(jnp.zeros(1))) == pytest.approx(inertia, rel=0.02)
 
 
 def test_what_nothing_tells_is_zero(mixed, plain, quick):
     silent = tuple(dataclasses.replace(each, us=np.concatenate([each.us, 0 * each.us], axis=1)) for each in mixed.train)
     dataset = dataclasses.replace(mixed, train=silent, input_names=())
-    found = regressed(dataset, built(dataset, plain, known=known(1.0)), quick)
-    assert np.all(found[:, 3:] == 0)
-    assert found[:, :3] == pytest.approx(MIXED, abs=0.1)
+    found = guessed(dataset, built(dataset, plain, known=known(1.0)), quick)
+    assert np.all(found.inputs[:, 3:] == 0)
+    assert found.inputs[:, :3] == pytest.approx(MIXED, abs=0.1)
 
 
-def test_it_is_for_given_energies_and_inputs_that_are_not(mixed, plain):
+def test_it_is_for_given_energies_and_what_is_not_given_beside_them(mixed, plain):
     network = dataclasses.replace(plain, scaled=False, actuation=BlockConfig(hidden=(3,)))
     energy = KnownParts(potential_energy=CHAIN.potential_energy)
     momenta = dataclasses.replace(mixed, momenta=True)
-    assert learns_inputs(built(mixed, plain, known=known(1.0)))
+    assert can_be_guessed(built(mixed, plain, known=known(1.0)))
     for dataset, model, parts in (
         (mixed, plain, None),
         (mixed, plain, energy),
@@ -89,7 +127,7 @@ def test_it_is_for_given_energies_and_inputs_that_are_not(mixed, plain):
         (momenta, plain, known(1.0)),
         (mixed, network, known(1.0)),
     ):
-        assert not learns_inputs(built(dataset, model, known=parts))
+        assert not can_be_guessed(built(dataset, model, known=parts))
 
 
 def test_inputs_that_turn_are_not_asked_for_anew_where_nothing_was_bent_around_them(mixed, plain, quick):

@@ -1,0 +1,234 @@
+"""What training begins with where M and V are given: inputs, drives and friction that a regression finds by itself."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.optimize import lsq_linear
+
+from symoden.blocks import (
+    AbstractFriction,
+    AbstractFunction,
+    CholeskyBlock,
+    Constant,
+    JointFriction,
+    Known,
+    KnownFriction,
+    Links,
+    MatrixBlock,
+    NoFriction,
+    Sum,
+    ViscousFriction,
+)
+from symoden.models import StructuredModel, energies_are_given, given_parts
+from symoden.shapes import Coordinates, DissipationMatrix, Velocities
+
+from ._data import Data
+from ._gauss_newton import linearize
+from ._objective import Batch
+
+_KNEE: Final = 0.03  # Of the typical velocity: where dry friction sets in.
+_RIDGE: Final = 1e-3  # Beside what each number is known to: what nothing tells is zero.
+_STEPS: Final = 20
+_SETTLED: Final = 1e-3  # Relative decrease of the loss.
+_SMALLEST_DRIVE: Final = 0.01  # Of the inertia that it begins with.
+_LEAST_FRICTION: Final = 1e-3  # In natural units; a square of zero would have no slope.
+_WINDOWS: Final = 16  # At a time.
+
+
+class FirstGuess(NamedTuple):
+    """Numbers to begin with, in physical units; None for what is given, or not of that kind.
+
+    Attributes:
+        inputs: A constant g.
+        drives: Inertia of each body's drive.
+        friction: Viscous friction of each coordinate that takes from these motions what viscous and dry friction take.
+    """
+
+    inputs: Float[np.ndarray, "n m"] | None
+    drives: Float[np.ndarray, " n"] | None
+    friction: Float[np.ndarray, " n"] | None
+
+
+def can_be_guessed(model: StructuredModel) -> bool:
+    """Whether M and V are given, up to something, and inputs or the drives of a robot are not.
+
+    Args:
+        model: An untrained model.
+
+    Returns:
+        Whether it is so.
+    """
+    return not model.momenta and energies_are_given(model) and (_learns_inputs(model) or _links(model) is not None)
+
+
+def guess(model: StructuredModel, data: Data) -> FirstGuess:
+    """Find the g, drives and friction that explain the recordings best with M and V as they are given.
+
+    In weak form the equations of motion are linear in all of these, but for the inertia that makes a velocity of an
+    impulse. From zero, Gauss-Newton takes a handful of steps. Where nothing fixes the unit of inertia, energy and force
+    (currents for inputs), it becomes that of the links' weights in the file that describes them: drives are often in
+    none, and a g that began anywhere would take the weights along.
+
+    Args:
+        model: Model that `can_be_guessed`, in double precision.
+        data: Windows for the weak form.
+
+    Returns:
+        The numbers.
+    """
+    unknowns = _Unknowns(model, data)
+    x, linear = np.zeros(len(unknowns.least)), _linearization(unknowns.model, data)
+    best, least = x, np.inf
+    for _ in range(_STEPS):
+        r, J = linear(x)
+        loss = float(np.mean(r**2))
+        if not loss < (1 - _SETTLED) * least:
+            best = x if loss < least else best
+            break
+        best, least = x, loss
+        size = np.linalg.norm(J, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        rows = np.concatenate([J / size, _RIDGE * np.eye(len(x))])
+        ahead = np.concatenate([J @ x - r, np.zeros(len(x))])
+        x = lsq_linear(rows, ahead, bounds=(unknowns.least * size, np.inf)).x / size
+    return unknowns.guess(best)
+
+
+def begin_with(model: StructuredModel, found: FirstGuess) -> StructuredModel:
+    """Let a model begin with what was found.
+
+    Args:
+        model: Model that `can_be_guessed`.
+        found: The numbers.
+
+    Returns:
+        The model.
+    """
+    if found.inputs is not None and isinstance(model.actuation, MatrixBlock):
+        entries = (found.inputs / np.asarray(model.actuation.scale.array)).ravel()
+        block = dataclasses.replace(model.actuation, function=_started(model.actuation.function, entries))
+        model = dataclasses.replace(model, actuation=block)
+    links = _links(model)
+    if found.drives is not None and links is not None:
+        model = _linked(model, dataclasses.replace(links, rotors=Known.of(found.drives)))
+    if found.friction is not None:
+        model = dataclasses.replace(model, friction=_braked(model.friction, found.friction))
+    return model
+
+
+class _Unknowns:
+    """What is looked for, as one vector: g, viscous and dry friction, and how much larger drives are."""
+
+    def __init__(self, model: StructuredModel, data: Data) -> None:
+        """Lay it out.
+
+        Args:
+            model: The model.
+            data: Windows, for the typical velocities.
+        """
+        self._model = model
+        n, entries = model.space.size, model.space.size * model.inputs
+        rubs = "dissipation_matrix" not in given_parts(model) and not isinstance(model.friction, NoFriction)
+        self._links = _links(model)
+        counts = entries * _learns_inputs(model), n * rubs, n * rubs, n * (self._links is not None)
+        self._ends = np.cumsum(counts)[:-1]
+        self.least = np.repeat([-np.inf, 0.0, 0.0, _SMALLEST_DRIVE - 1], counts)
+        rates = np.asarray(data.train.rates).reshape(-1, n)
+        self._knee = _KNEE * np.maximum(np.sqrt(np.mean(rates**2, axis=0)), np.finfo(float).tiny)
+        # Of dry friction beside viscous friction that takes as much power from these motions.
+        powers = np.mean(rates**2 / np.sqrt(rates**2 + self._knee**2), axis=0), np.mean(rates**2, axis=0)
+        self._share = powers[0] / np.where(powers[1] > 0, powers[1], 1.0)
+
+    def model(self, x: Float[Array, " k"]) -> StructuredModel:
+        """The model with these numbers."""
+        inputs, viscous, dry, larger = jnp.split(x, self._ends)
+        model = self._model
+        if inputs.size:
+            one = Known.of(np.ones((model.space.size, model.inputs)))
+            model = dataclasses.replace(model, actuation=MatrixBlock(Constant(inputs), one))
+        if viscous.size:
+
+            def friction(q: Coordinates, v: Velocities) -> DissipationMatrix:
+                del q
+                return jnp.diag(viscous + dry / jnp.sqrt(v**2 + self._knee**2))
+
+            model = dataclasses.replace(model, friction=KnownFriction(friction))
+        if self._links is not None:
+            logarithms = self._links.theta.at[:, -1].set(jnp.log1p(larger))
+            model = _linked(model, dataclasses.replace(self._links, theta=logarithms))
+        return model
+
+    def guess(self, x: Float[np.ndarray, " k"]) -> FirstGuess:
+        """The numbers in physical units."""
+        inputs, viscous, dry, larger = np.split(x, self._ends)
+        model = self._model
+        return FirstGuess(
+            inputs.reshape(model.space.size, model.inputs) if inputs.size else None,
+            None if self._links is None else np.asarray(self._links.rotors.array) * (1 + larger),
+            viscous + self._share * dry if viscous.size else None,
+        )
+
+
+def _linearization(
+    restore: Callable[[Float[Array, " k"]], StructuredModel], data: Data
+) -> Callable[[np.ndarray], tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r k"]]]:
+    """Residuals of all windows, and their derivatives."""
+
+    @jax.jit
+    def compiled(x: Float[Array, " k"], windows: Batch) -> tuple[Array, Array]:
+        return jax.lax.map(lambda window: linearize(restore, x, data.objective, window), windows, batch_size=_WINDOWS)
+
+    def linear(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        residuals, jacobians = compiled(jnp.asarray(x), data.train)
+        return np.asarray(residuals, float).ravel(), np.asarray(jacobians, float).reshape(-1, len(x))
+
+    return linear
+
+
+def _learns_inputs(model: StructuredModel) -> bool:
+    """Whether there is a g to learn that is constant at first."""
+    return model.inputs > 0 and isinstance(model.actuation, MatrixBlock) and _is_constant(model.actuation.function)
+
+
+def _links(model: StructuredModel) -> Links | None:
+    """Rigid bodies of a model, if it has any."""
+    return None if model.parameters is None else model.parameters.links
+
+
+def _linked(model: StructuredModel, links: Links) -> StructuredModel:
+    """The same model with other rigid bodies in the place of its own."""
+    return eqx.tree_at(_links, model, links)
+
+
+def _is_constant(function: AbstractFunction) -> bool:
+    """Whether a function is a constant, but for what may be added."""
+    return isinstance(function.terms[0] if isinstance(function, Sum) else function, Constant)
+
+
+def _started(function: AbstractFunction, values: Float[np.ndarray, " k"]) -> AbstractFunction:
+    """The same function from another constant on."""
+    constant = Constant(jnp.asarray(values, float))
+    return Sum((constant, *function.terms[1:])) if isinstance(function, Sum) else constant
+
+
+def _braked(friction: AbstractFriction, viscous: Float[np.ndarray, " n"]) -> AbstractFriction:
+    """The same friction from these viscous coefficients on."""
+    match friction:
+        case JointFriction(viscous=function, scale=scale) if _is_constant(function):
+            return dataclasses.replace(friction, viscous=_started(function, _triangle(viscous, scale)))
+        case ViscousFriction(matrix=CholeskyBlock(function=function, scale=scale) as matrix) if _is_constant(function):
+            started = dataclasses.replace(matrix, function=_started(function, _triangle(viscous, scale)))
+            return ViscousFriction(started)
+    return friction
+
+
+def _triangle(viscous: Float[np.ndarray, " n"], scale: Known) -> Float[np.ndarray, " k"]:
+    """Entries of the lower triangle of a diagonal matrix, row by row."""
+    natural = np.maximum(viscous / np.asarray(scale.array, float) ** 2, _LEAST_FRICTION)
+    return np.diag(np.sqrt(natural))[np.tril_indices(len(natural))]
