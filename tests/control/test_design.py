@@ -1,5 +1,6 @@
 """Controllers by name, compiled, and what none of them may depend on."""
 
+import re
 import time
 
 import equinox as eqx
@@ -29,6 +30,7 @@ from symoden.control import (
 )
 from symoden.control._attraction import follower_level
 from symoden.control._design import lowest, slow_swing
+from symoden.control._regulator import linearize, remaining_motion
 from symoden.control._scales import bandwidth
 from symoden.control._search import searched
 from symoden.known import KnownParts
@@ -80,6 +82,16 @@ def test_names_make_their_controllers():
 def test_why_a_regulator_does_not_hold_the_target_is_told(target, settings, message):
     with pytest.raises(ValueError, match=message):
         design(ACROBOT, target, method="swing-up", **settings)
+
+
+def test_the_target_that_is_named_instead_is_an_equilibrium():
+    with pytest.raises(ValueError, match=r"nearby that is \[") as refused:
+        design(ACROBOT, [np.pi + 0.2, 0.0], method="swing-up", limits=15.0)
+    numbers = re.findall(r"nearby that is \[(.*?), (.*?)\]", str(refused.value))[0]
+    nearby = jnp.array([float(number) for number in numbers])
+    hold = jnp.asarray(linearize(ACROBOT, nearby)[2])
+    assert np.abs(remaining_motion(ACROBOT, nearby, hold)).max() < 1e-2
+    assert np.abs(nearby - np.array([np.pi + 0.2, 0.0])).max() < 0.5
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,18 @@ def test_what_holds_a_pendulum_aside_is_its_weight():
     np.testing.assert_allclose(hold, 5 * np.sin(0.3), rtol=1e-12)
 
 
+@pytest.mark.parametrize("tip", [1e-3, 1e3])
+def test_where_no_input_holds_all_of_it_the_constraint_that_is_left_is_least(tip):
+    """Of all inputs; so the units of the coordinates have no say, and a light pole does not call for a great push."""
+    cart_pole = CartPole(pole_mass=tip)
+    q = jnp.array([0.2, 0.4])
+    _, _, hold = linearize(cart_pole, q)
+    M, g = (np.asarray(part(q)) for part in (cart_pole.mass_matrix, cart_pole.input_matrix))
+    load = np.asarray(jax.grad(cart_pole.potential_energy)(q))
+    weight = g.T @ np.linalg.inv(M)
+    np.testing.assert_allclose(hold, np.linalg.solve(weight @ g, weight @ load), rtol=1e-6)
+
+
 def test_momentum_data_give_the_same_regulator():
     gains = [
         Regulator.of(Pendulum(damping=0.1, momenta=momenta), [np.pi], limits=3.0).gain for momenta in (False, True)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from symoden.blocks import FRICTION
 from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, build
 from symoden.spaces import Space
@@ -15,10 +16,11 @@ from symoden.systems import LinkChain, Pendulum
 from symoden.training._data import hold_out, regression_data
 from symoden.training._first_guess import FirstGuess, begin_with, can_be_guessed, guess
 from symoden.training._fit import _prepare
-from symoden.training._flatten import cast
+from symoden.training._flatten import cast, freed
 from symoden.training._line_up import line_up
 
 CHAIN = LinkChain.of_rods(3, mass=0.5, length=0.4, damping=0.1)  # Of the recordings.
+VISCOUS = np.array([0.3, 0.2, 5.0])
 MIXED = np.array([[2.0, -0.5, 0.0], [0.0, -3.0, 0.0], [0.0, 0.4, 0.25]])
 
 
@@ -39,14 +41,14 @@ def known(weight, **others):
     )
 
 
-def guessed(dataset, model, config):
+def guessed(dataset, model, config) -> Any:
     with jax.enable_x64(True):
         windows = regression_data(dataset, model, config)
         assert windows is not None
         return guess(cast(model, jnp.float64), windows)
 
 
-def built(dataset, model, **parts):
+def built(dataset, model, **parts: Any) -> Any:
     space = Space.parse(dataset.space)
     return build(model, space, dataset.inputs, momenta=dataset.momenta, key=jax.random.key(0), **parts)
 
@@ -58,9 +60,9 @@ def test_it_is_that_of_the_recordings_in_the_unit_of_the_weights(mixed, plain, q
     found = guessed(mixed, built(mixed, plain, known=known(weight, **friction)), quick)
     assert found.inputs == pytest.approx(weight * MIXED, abs=0.02 * weight * np.abs(MIXED).max())
     assert found.drives is None
-    assert (found.friction is None) == (damping is not None)
-    if found.friction is not None:
-        assert found.friction == pytest.approx(np.full(3, weight * 0.1), rel=0.1)
+    assert (found.viscous is None) == (damping is not None)
+    if found.viscous is not None:
+        assert found.viscous == pytest.approx(np.full(3, weight * 0.1), rel=0.1)
 
 
 def test_training_begins_with_it(mixed, plain, quick):
@@ -74,11 +76,11 @@ def test_training_begins_with_it(mixed, plain, quick):
 @pytest.mark.parametrize("knees", [(), (0.1,)])
 def test_a_model_begins_with_what_was_found(mixed, plain, knees):
     asks = dataclasses.replace(plain, actuation=BlockConfig(hidden=(3,), constant=True), knees=knees)
-    found = FirstGuess(inputs=MIXED, drives=None, friction=np.array([0.3, 0.2, 5.0]))
+    found = FirstGuess(inputs=MIXED, viscous=VISCOUS)
     model = begin_with(built(mixed, asks, known=known(1.0)), found)
     q, v = jnp.linspace(-1, 1, 3), jnp.ones(3)
     assert np.asarray(model.input_matrix(q)) == pytest.approx(MIXED, rel=1e-5)
-    assert np.asarray(model.dissipation_matrix(q, v)) == pytest.approx(np.diag(found.friction), rel=1e-5, abs=1e-6)
+    assert np.asarray(model.dissipation_matrix(q, v)) == pytest.approx(np.diag(VISCOUS), rel=1e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize("gain", [1.0, -4.0])
@@ -99,19 +101,42 @@ def test_drives_are_what_bodies_leave_of_the_inertia(pendulum, plain, quick, gai
         known = KnownParts(robot=Robot(bodies=(body,)))
         found = guessed(dataset, built(dataset, plain, known=known, input_matrix=g), quick)
         assert found.drives == pytest.approx([0.4 * inertia], rel=0.02)
-        assert found.friction == pytest.approx([0.2], rel=0.1)
+        assert found.viscous == pytest.approx([0.2], rel=0.1)
         assert (found.inputs is None) == (g is not None)
         if found.inputs is not None:
             assert found.inputs == pytest.approx(np.array([[gain]]), rel=0.02)
-        model = begin_with(built(dataset, plain, known=known, input_matrix=g), found)
-        assert np.asarray(model.mass_matrix(jnp.zeros(1))) == pytest.approx(inertia, rel=0.02)
+        with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):
+            described = dataclasses.replace(dataset, known=known, input_matrix=g)
+            begun: Any = _prepare(described, plain, quick)[1].model
+        assert np.asarray(begun.mass_matrix(np.zeros(1))) == pytest.approx(inertia, rel=0.02)
+
+
+@pytest.mark.parametrize("dry", [0.5, 0.0])
+def test_dry_friction_is_there_from_the_start_where_validation_asks_for_it(driven, plain, quick, dry):
+    def accelerate(q, v, u):
+        return (2 * u - 0.3 * v - dry * v / np.sqrt(v**2 + 1e-4) - np.sin(q)) / 0.2
+
+    dataset = hold_out(driven(accelerate, [0.0], space="T1", noise=1e-3), quick)
+    known = KnownParts(mass_matrix=[["0.2"]], potential_energy="-cos(q1)")
+    model = built(dataset, dataclasses.replace(plain, knees=(0.003, 0.03, 0.3)), known=known)
+    found = guessed(dataset, model, quick)
+    assert found.inputs == pytest.approx(np.array([[2.0]]), rel=0.05)
+    assert found.viscous == pytest.approx([0.3], rel=0.1)
+    begun = begin_with(model, found)
+    if dry:
+        assert found.dry == pytest.approx([dry], rel=0.1)
+        q, fast = jnp.zeros(1), jnp.array([3.0])
+        assert np.asarray(begun.dissipation_matrix(q, fast) @ fast) == pytest.approx([0.9 + dry], rel=0.1)
+        assert freed(begun) == FRICTION
+    else:  # On exact data a billionth of it is a clear gain.
+        assert found.dry is None or found.dry[0] < 1e-6
 
 
 def test_what_nothing_tells_is_zero(mixed, plain, quick):
     silent = tuple(dataclasses.replace(each, us=np.concatenate([each.us, 0 * each.us], axis=1)) for each in mixed.train)
     dataset = dataclasses.replace(mixed, train=silent, input_names=())
     found = guessed(dataset, built(dataset, plain, known=known(1.0)), quick)
-    assert np.all(found.inputs[:, 3:] == 0)
+    assert np.abs(found.inputs[:, 3:]).max() < 1e-9
     assert found.inputs[:, :3] == pytest.approx(MIXED, abs=0.1)
 
 

@@ -1,5 +1,6 @@
 """Rigid bodies on joints as blocks: kinematics are given, what the bodies weigh is learned once for M and V."""
 
+import dataclasses
 from typing import Final, final
 
 import equinox as eqx
@@ -90,9 +91,9 @@ class Links(eqx.Module):
             theta=jnp.zeros((len(bodies), len(_QUANTITIES)), float),
         )
         moved = np.diag(found.mass_matrix(jnp.zeros(len(bodies), float)))[list(found.coordinates)]
-        return eqx.tree_at(
-            lambda links: links.rotors, found, Known.of(np.maximum(_ROTOR * moved, _LEAST * moved.max()))
-        )
+        drives = np.array([np.nan if body.drive is None else body.drive for body in bodies])
+        usual = np.maximum(_ROTOR * moved, _LEAST * moved.max())
+        return dataclasses.replace(found, rotors=Known.of(np.where(np.isnan(drives), usual, drives)))
 
     def mass_matrix(self, q: Coordinates) -> SquareMatrix:
         """M at the configuration `q`."""

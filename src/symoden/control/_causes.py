@@ -7,12 +7,15 @@ import scipy.linalg
 from jaxtyping import Float
 
 from symoden.mechanics import AbstractDynamics
+from symoden.shapes import Coordinates
 
 from ._attraction import attraction
+from ._controller import as_array
 from ._judge import Tolerance
 from ._regulator import Regulator, linearize, remaining_motion
 
 _QUICK: Final = 0.01
+_NEWTON: Final = 6
 _MORE: Final = (10, 100)
 
 
@@ -35,11 +38,11 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
 
     limits = tuple(regulator.limits.tolist())
     A, B, _ = linearize(model, regulator.target)
-    motion = np.asarray(remaining_motion(model, regulator), float)
+    motion = remaining_motion(model, regulator.target, regulator.hold)
     rest = np.linalg.solve(A - B @ np.asarray(regulator.gain), -motion)
     aside = float(np.abs(rest[: model.space.size]).max())
     if aside > Tolerance().position:
-        nearest = np.asarray(target) + _to_equilibrium(A, B, motion)
+        nearest = _nearest_equilibrium(model, regulator.target)
         return (
             f"The target {target} must be an equilibrium of the model, but no input holds it there: the regulator "
             f"would come to rest {aside:.2g} rad or m away, by its linearisation. Choose a target where it rests; "
@@ -53,7 +56,8 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
     for factor in _MORE:
         if holds(tuple(factor * limit for limit in limits), period):
             return (
-                f"The regulator does not hold the model at the target with inputs up to {list(limits)}; with {factor} "
+                f"The regulator does not hold the model at the target with inputs up to "
+                f"{regulator.limits.round(3).tolist()}; with {factor} "
                 "times as much it does. Allow more input."
             )
     return (
@@ -61,6 +65,16 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
         "input: there the model is not what its linearisation says, as with sharp dry friction. Choose another "
         "target, or collect data about this one."
     )
+
+
+def _nearest_equilibrium(model: AbstractDynamics, target: Coordinates) -> Float[np.ndarray, " n"]:
+    """A configuration near the target where some input stops all motion, by Newton's method."""
+    q = np.asarray(target, float)
+    for _ in range(_NEWTON):
+        at = as_array(q)
+        A, B, hold = linearize(model, at)
+        q = q + _to_equilibrium(A, B, remaining_motion(model, at, as_array(hold)))
+    return q
 
 
 def _to_equilibrium(

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractDynamics
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
@@ -79,7 +79,7 @@ class Regulator(AbstractController):
         if not np.all(np.abs(hold) < bounds):
             raise ValueError(
                 f"The limits must exceed what holding the target takes, {np.abs(hold).round(3).tolist()}; they are "
-                f"{bounds.tolist()}. Allow more input, or choose a target that takes less."
+                f"{bounds.round(3).tolist()}. Allow more input, or choose a target that takes less."
             )
         n = dynamics.space.size
         omega = max(1.0, float(np.sqrt(np.abs(np.linalg.eigvals(A[n:, :n])).max())))
@@ -137,10 +137,14 @@ def linearize(
 
     Args:
         dynamics: System or model.
-        target: Configuration; with `u*` it is an equilibrium as nearly as the inputs allow.
+        target: Configuration; with `u*` it is an equilibrium as nearly as the inputs allow: of all inputs it leaves the
+            least constraint aᵀ M a of the accelerations a, whatever the coordinates' units.
 
     Returns:
         A, B and `u*`: d(e, v)/dt = A (e, v) + B (u − `u*`).
+
+    References:
+        Gauss (1829), *Über ein neues allgemeines Grundgesetz der Mechanik*: least constraint.
     """
     A, B, hold = _linearize(dynamics, target)
     return np.asarray(A, float), np.asarray(B, float), np.asarray(hold, float)
@@ -158,23 +162,27 @@ def _linearize(dynamics: AbstractDynamics, target: Coordinates) -> tuple:
     n = dynamics.space.size
     drift = field(target, still, none)
     input_effect = jax.jacfwd(field, argnums=2)(target, still, none)
-    hold = -jnp.linalg.lstsq(input_effect[n:], drift[n:])[0]
+    root = jnp.eye(n, dtype=target.dtype)
+    if isinstance(dynamics, AbstractPortHamiltonian):
+        root = jnp.linalg.cholesky(dynamics.mass_matrix(target)).T
+    hold = -jnp.linalg.lstsq(root @ input_effect[n:], root @ drift[n:])[0]
     by_q, by_v, by_u = jax.jacfwd(field, argnums=(0, 1, 2))(target, still, hold)
     return jnp.concatenate([by_q, by_v], axis=1), by_u, hold
 
 
-def remaining_motion(dynamics: AbstractDynamics, regulator: Regulator) -> Float[Array, " s"]:
-    """Rates of (q, v) at rest at the target, with the input that holds it: zero at an equilibrium.
+def remaining_motion(dynamics: AbstractDynamics, target: Coordinates, hold: Inputs) -> Float[np.ndarray, " s"]:
+    """Rates of (q, v) at rest at a configuration: zero at an equilibrium.
 
     Args:
-        dynamics: What the regulator was made for.
-        regulator: The regulator.
+        dynamics: System or model.
+        target: Configuration.
+        hold: Input.
 
     Returns:
         The rates.
     """
-    still = jnp.zeros_like(regulator.target)
-    return jnp.concatenate(eqx.filter_jit(velocity_field)(dynamics, regulator.target, still, regulator.hold))
+    rates = eqx.filter_jit(velocity_field)(dynamics, target, jnp.zeros_like(target), hold)
+    return np.asarray(jnp.concatenate(rates), float)
 
 
 def _riccati(

@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
@@ -34,6 +34,7 @@ class Body:
         axis: The axis, of length one, in the frame of the joint.
         origin: Frame of the joint at coordinate zero in that of the parent's, 4 × 4.
         inertia: Pseudo-inertia ∫ x xᵀ dm of (x, y, z, 1) in the frame of the joint, 4 × 4 [kg m², kg m, kg].
+        drive: Inertia of its drive as seen at the joint [kg m², or kg]; None where nothing is known of it.
     """
 
     joint: str
@@ -43,6 +44,7 @@ class Body:
     axis: Vector
     origin: Matrix
     inertia: Matrix
+    drive: float | int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +58,18 @@ class Robot:
 
     bodies: tuple[Body, ...]
     gravity: Vector = GRAVITY
+
+    def with_drives(self, inertias: Sequence[float | int]) -> "Robot":
+        """The same robot with other drives.
+
+        Args:
+            inertias: That of each body's drive [kg m², or kg].
+
+        Returns:
+            The robot.
+        """
+        pairs = zip(self.bodies, inertias, strict=True)
+        return replace(self, bodies=tuple(replace(body, drive=float(inertia)) for body, inertia in pairs))
 
 
 class _Joint(NamedTuple):

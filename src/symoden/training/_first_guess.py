@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeGuard
 
 import equinox as eqx
 import jax
@@ -12,10 +12,12 @@ from jaxtyping import Array, Float
 from scipy.optimize import lsq_linear
 
 from symoden.blocks import (
+    FRICTION,
     AbstractFriction,
     AbstractFunction,
     CholeskyBlock,
     Constant,
+    Correction,
     JointFriction,
     Known,
     KnownFriction,
@@ -32,7 +34,8 @@ from ._data import Data
 from ._gauss_newton import linearize
 from ._objective import Batch
 
-_KNEE: Final = 0.03  # Of the typical velocity: where dry friction sets in.
+_KNEE: Final = 0.03  # Of the typical velocity: about where dry friction sets in.
+_CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
 _RIDGE: Final = 1e-3  # Beside what each number is known to: what nothing tells is zero.
 _STEPS: Final = 20
 _SETTLED: Final = 1e-3  # Relative decrease of the loss.
@@ -47,12 +50,14 @@ class FirstGuess(NamedTuple):
     Attributes:
         inputs: A constant g.
         drives: Inertia of each body's drive.
-        friction: Viscous friction of each coordinate that takes from these motions what viscous and dry friction take.
+        viscous: Viscous friction of each coordinate.
+        dry: Dry friction of each; None where validation does not ask for it.
     """
 
-    inputs: Float[np.ndarray, "n m"] | None
-    drives: Float[np.ndarray, " n"] | None
-    friction: Float[np.ndarray, " n"] | None
+    inputs: Float[np.ndarray, "n m"] | None = None
+    drives: Float[np.ndarray, " n"] | None = None
+    viscous: Float[np.ndarray, " n"] | None = None
+    dry: Float[np.ndarray, " n"] | None = None
 
 
 def can_be_guessed(model: StructuredModel) -> bool:
@@ -82,29 +87,19 @@ def guess(model: StructuredModel, data: Data) -> FirstGuess:
     Returns:
         The numbers.
     """
-    unknowns = _Unknowns(model, data)
-    x, linear = np.zeros(len(unknowns.least)), _linearization(unknowns.model, data)
-    best, least = x, np.inf
-    for _ in range(_STEPS):
-        r, J = linear(x)
-        loss = float(np.mean(r**2))
-        if not loss < (1 - _SETTLED) * least:
-            best = x if loss < least else best
-            break
-        best, least = x, loss
-        size = np.linalg.norm(J, axis=0)
-        size = np.where(size > 0, size, 1.0)
-        rows = np.concatenate([J / size, _RIDGE * np.eye(len(x))])
-        ahead = np.concatenate([J @ x - r, np.zeros(len(x))])
-        x = lsq_linear(rows, ahead, bounds=(unknowns.least * size, np.inf)).x / size
-    return unknowns.guess(best)
+    plain = _solved(_Unknowns(model, dry=False), data)
+    if plain.viscous is None or not _has_laws(model.friction):
+        return plain
+    dry = _solved(_Unknowns(model, dry=True), data)
+    one, other = (_driven(begin_with(model, found), found) for found in (dry, plain))
+    return dry if data.compare(one, other, data.objective) < -_CHANCE else plain
 
 
 def begin_with(model: StructuredModel, found: FirstGuess) -> StructuredModel:
-    """Let a model begin with what was found.
+    """Let a model begin with the inputs and the friction that were found.
 
     Args:
-        model: Model that `can_be_guessed`.
+        model: Model that `can_be_guessed`, its robot's drives as they were found.
         found: The numbers.
 
     Returns:
@@ -114,36 +109,27 @@ def begin_with(model: StructuredModel, found: FirstGuess) -> StructuredModel:
         entries = (found.inputs / np.asarray(model.actuation.scale.array)).ravel()
         block = dataclasses.replace(model.actuation, function=_started(model.actuation.function, entries))
         model = dataclasses.replace(model, actuation=block)
-    links = _links(model)
-    if found.drives is not None and links is not None:
-        model = _linked(model, dataclasses.replace(links, rotors=Known.of(found.drives)))
-    if found.friction is not None:
-        model = dataclasses.replace(model, friction=_braked(model.friction, found.friction))
+    if found.viscous is not None:
+        model = dataclasses.replace(model, friction=_braked(model.friction, found.viscous, found.dry))
     return model
 
 
 class _Unknowns:
     """What is looked for, as one vector: g, viscous and dry friction, and how much larger drives are."""
 
-    def __init__(self, model: StructuredModel, data: Data) -> None:
+    def __init__(self, model: StructuredModel, *, dry: bool) -> None:
         """Lay it out.
 
         Args:
             model: The model.
-            data: Windows, for the typical velocities.
+            dry: Whether to look for dry friction.
         """
-        self._model = model
+        self._model, self._links = model, _links(model)
         n, entries = model.space.size, model.space.size * model.inputs
         rubs = "dissipation_matrix" not in given_parts(model) and not isinstance(model.friction, NoFriction)
-        self._links = _links(model)
-        counts = entries * _learns_inputs(model), n * rubs, n * rubs, n * (self._links is not None)
+        counts = entries * _learns_inputs(model), n * rubs, n * (rubs and dry), n * (self._links is not None)
         self._ends = np.cumsum(counts)[:-1]
         self.least = np.repeat([-np.inf, 0.0, 0.0, _SMALLEST_DRIVE - 1], counts)
-        rates = np.asarray(data.train.rates).reshape(-1, n)
-        self._knee = _KNEE * np.maximum(np.sqrt(np.mean(rates**2, axis=0)), np.finfo(float).tiny)
-        # Of dry friction beside viscous friction that takes as much power from these motions.
-        powers = np.mean(rates**2 / np.sqrt(rates**2 + self._knee**2), axis=0), np.mean(rates**2, axis=0)
-        self._share = powers[0] / np.where(powers[1] > 0, powers[1], 1.0)
 
     def model(self, x: Float[Array, " k"]) -> StructuredModel:
         """The model with these numbers."""
@@ -156,23 +142,46 @@ class _Unknowns:
 
             def friction(q: Coordinates, v: Velocities) -> DissipationMatrix:
                 del q
-                return jnp.diag(viscous + dry / jnp.sqrt(v**2 + self._knee**2))
+                return jnp.diag(viscous + dry / jnp.sqrt(v**2 + _knee(self._model.friction)[1] ** 2))
 
-            model = dataclasses.replace(model, friction=KnownFriction(friction))
+            def smooth(q: Coordinates, v: Velocities) -> DissipationMatrix:
+                del q, v
+                return jnp.diag(viscous)
+
+            model = dataclasses.replace(model, friction=KnownFriction(friction if dry.size else smooth))
         if self._links is not None:
             logarithms = self._links.theta.at[:, -1].set(jnp.log1p(larger))
             model = _linked(model, dataclasses.replace(self._links, theta=logarithms))
         return model
 
-    def guess(self, x: Float[np.ndarray, " k"]) -> FirstGuess:
+    def found(self, x: Float[np.ndarray, " k"]) -> FirstGuess:
         """The numbers in physical units."""
         inputs, viscous, dry, larger = np.split(x, self._ends)
-        model = self._model
         return FirstGuess(
-            inputs.reshape(model.space.size, model.inputs) if inputs.size else None,
-            None if self._links is None else np.asarray(self._links.rotors.array) * (1 + larger),
-            viscous + self._share * dry if viscous.size else None,
+            inputs=inputs.reshape(self._model.space.size, -1) if inputs.size else None,
+            drives=None if self._links is None else np.asarray(self._links.rotors.array) * (1 + larger),
+            viscous=viscous if viscous.size else None,
+            dry=dry if dry.size else None,
         )
+
+
+def _solved(unknowns: _Unknowns, data: Data) -> FirstGuess:
+    """Gauss-Newton from zero, within the bounds."""
+    x, linear = np.zeros(len(unknowns.least)), _linearization(unknowns.model, data)
+    best, least = x, np.inf
+    for _ in range(_STEPS):
+        r, J = linear(x)
+        loss = float(np.mean(r**2))
+        settled = not loss < (1 - _SETTLED) * least
+        best, least = (x, loss) if loss < least else (best, least)
+        if settled:
+            break
+        size = np.linalg.norm(J, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        rows = np.concatenate([J / size, _RIDGE * np.eye(len(x))])
+        ahead = np.concatenate([J @ x - r, np.zeros(len(x))])
+        x = lsq_linear(rows, ahead, bounds=(unknowns.least * size, np.inf)).x / size
+    return unknowns.found(best)
 
 
 def _linearization(
@@ -206,6 +215,14 @@ def _linked(model: StructuredModel, links: Links) -> StructuredModel:
     return eqx.tree_at(_links, model, links)
 
 
+def _driven(model: StructuredModel, found: FirstGuess) -> StructuredModel:
+    """The same model with the drives that were found."""
+    links = _links(model)
+    if links is None or found.drives is None:
+        return model
+    return _linked(model, dataclasses.replace(links, rotors=Known.of(found.drives)))
+
+
 def _is_constant(function: AbstractFunction) -> bool:
     """Whether a function is a constant, but for what may be added."""
     return isinstance(function.terms[0] if isinstance(function, Sum) else function, Constant)
@@ -217,11 +234,34 @@ def _started(function: AbstractFunction, values: Float[np.ndarray, " k"]) -> Abs
     return Sum((constant, *function.terms[1:])) if isinstance(function, Sum) else constant
 
 
-def _braked(friction: AbstractFriction, viscous: Float[np.ndarray, " n"]) -> AbstractFriction:
-    """The same friction from these viscous coefficients on."""
+def _has_laws(friction: AbstractFriction) -> TypeGuard[JointFriction]:
+    """Whether joints may have dry friction."""
+    return isinstance(friction, JointFriction) and isinstance(friction.laws, Correction)
+
+
+def _knee(friction: AbstractFriction) -> tuple[int, Float[np.ndarray, " n"]]:
+    """The law of dry friction to begin with, and the velocities below which it is smooth."""
+    if not _has_laws(friction):
+        raise TypeError(f"Dry friction must be a law of joints; got {type(friction).__name__}.")
+    k = int(np.argmin(np.abs(np.log(np.array(friction.knees) / _KNEE))))
+    return k, friction.knees[k] * np.asarray(friction.speed.array, float)
+
+
+def _braked(
+    friction: AbstractFriction, viscous: Float[np.ndarray, " n"], dry: Float[np.ndarray, " n"] | None
+) -> AbstractFriction:
+    """The same friction from these coefficients on."""
     match friction:
-        case JointFriction(viscous=function, scale=scale) if _is_constant(function):
-            return dataclasses.replace(friction, viscous=_started(function, _triangle(viscous, scale)))
+        case JointFriction(viscous=function, scale=scale):
+            if _is_constant(function):
+                friction = dataclasses.replace(friction, viscous=_started(function, _triangle(viscous, scale)))
+            if dry is not None:
+                k, knee = _knee(friction)
+                laws = np.zeros((len(dry), JointFriction.shapes(friction.knees)))
+                laws[:, k] = dry / knee / np.asarray(scale.array, float) ** 2
+                constant = Constant(jnp.asarray(laws.ravel(), float))
+                friction = dataclasses.replace(friction, laws=Correction(constant, kind=FRICTION))
+            return friction
         case ViscousFriction(matrix=CholeskyBlock(function=function, scale=scale) as matrix) if _is_constant(function):
             started = dataclasses.replace(matrix, function=_started(function, _triangle(viscous, scale)))
             return ViscousFriction(started)

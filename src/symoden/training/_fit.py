@@ -233,6 +233,29 @@ def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: 
 
 def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:
     """What makes untrained models from the number of a draw, networks of V awake or not (see `awaken`)."""
+    draw = _drawing(dataset, model, config)
+    untouched = draw(0)
+    if not isinstance(untouched, StructuredModel) or not can_regress(untouched, config):
+        return draw
+    windows = regression_data(dataset, untouched, config) if can_be_guessed(untouched) else None
+    if windows is None:
+        return draw
+    first = guess(cast(untouched, jnp.float64), windows)
+    known = dataset.known
+    if first.drives is not None and known is not None and known.robot is not None:
+        # Natural units follow: those of a wrist whose drive outweighs it are not those of its weight.
+        driven = dataclasses.replace(known, robot=known.robot.with_drives(first.drives.tolist()))
+        draw = _drawing(dataclasses.replace(dataset, known=driven), model, config)
+
+    def begun(number: int, *, awake: bool = False) -> AbstractDynamics:
+        drawn = draw(number, awake=awake)
+        return begin_with(drawn, first) if isinstance(drawn, StructuredModel) else drawn
+
+    return begun
+
+
+def _drawing(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:
+    """What makes models from the number of a draw, whatever the recordings say of inputs and friction."""
     space = Space.parse(dataset.space)
     scales = None
     if model.scaled:
@@ -240,9 +263,9 @@ def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Ca
             dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix, known=dataset.known
         )
 
-    def fresh(number: int, *, awake: bool = False) -> AbstractDynamics:
+    def drawn(number: int, *, awake: bool = False) -> AbstractDynamics:
         key = jax.random.fold_in(jax.random.key(config.seed), number)
-        drawn = build(
+        made = build(
             model,
             space,
             dataset.inputs,
@@ -252,16 +275,9 @@ def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Ca
             known=dataset.known,
             key=key,
         )
-        if first is not None and isinstance(drawn, StructuredModel):
-            drawn = begin_with(drawn, first)
-        return awaken(drawn, key=jax.random.fold_in(key, 1)) if awake else drawn
+        return awaken(made, key=jax.random.fold_in(key, 1)) if awake else made
 
-    first = None
-    untouched = fresh(0)
-    if can_regress(untouched, config) and isinstance(untouched, StructuredModel) and can_be_guessed(untouched):
-        windows = regression_data(dataset, untouched, config)
-        first = None if windows is None else guess(cast(untouched, jnp.float64), windows)
-    return fresh
+    return drawn
 
 
 def _pattern(
