@@ -1,5 +1,7 @@
 """Inputs that follow the state are named, others are not."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -33,3 +35,16 @@ def test_a_constant_input_follows_nothing(tmp_path):
     log = arm()
     log[:, 5:] = 2.0
     assert "feedback" not in {one.kind for one in check_dataset(written(tmp_path, log)).findings}
+
+
+@pytest.mark.parametrize(
+    ("more", "advice"),
+    [
+        ("", "finds g larger than its band. .*: `input_matrix`, V under"),
+        ("input_matrix = [[1, 0], [0, 1]]", "finds V and D larger than their bands. .*: V or D under"),
+    ],
+)
+def test_what_to_do_about_it_depends_on_what_is_known(tmp_path, more, advice):
+    path = written(tmp_path, driven(0.0), more=more)
+    (one,) = [one for one in check_dataset(path).findings if one.kind == "feedback"]
+    assert re.search(advice, one.advice)

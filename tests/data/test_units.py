@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 
 from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 from symoden.data._description import read_description
-from symoden.data._units import UNITS, factor_of
+from symoden.data._units import UNITS, factor_of, split_unit
 
 TEXT = """
 space = "T2"
@@ -251,6 +251,25 @@ def test_units_in_names_are_asked_for_and_left_out_once_the_numbers_have_others(
     else:
         dataset = read_dataset(path)
     assert dataset.position_names == names
+
+
+@pytest.mark.parametrize(
+    ("name", "plain", "unit"),
+    [
+        ("theta_deg", "theta", "deg"),
+        ("sway_degrees", "sway", "deg"),
+        ("w_deg_s", "w", "deg/s"),
+        ("wheel_rpm", "wheel", "rpm"),
+        ("x_mm", "x", "mm"),
+        ("deg", "deg", ""),
+        ("_mm", "_mm", ""),
+        ("joint_s", "joint_s", ""),
+        ("q_m", "q_m", ""),
+        ("handcm", "handcm", ""),
+    ],
+)
+def test_units_that_names_end_in(name, plain, unit):
+    assert split_unit(name) == (plain, unit)
 
 
 def test_names_that_are_the_same_without_their_units_keep_them(tmp_path):

@@ -123,6 +123,12 @@ def test_bands_from_few_windows_cover_what_they_say(windows):
     assert np.mean(covered) == pytest.approx(0.9, abs=0.025)
 
 
+def test_rollouts_that_diverge_tell_nothing(pendulum, small, quick, scrambled):
+    model = scrambled(build(small, Space.parse("T1"), 1, key=jax.random.key(0)), 1, 1e6)
+    with pytest.raises(ValueError, match="need rollouts along the training recordings that stay finite"):
+        infer_posterior(model, pendulum(), quick)
+
+
 def test_too_few_windows_are_refused(pendulum):
     model, dataset = identified(pendulum(count=2, samples=17), 0)
     with pytest.raises(ValueError, match=r"Bands need 5 windows of training data or more, .* there are 4"):

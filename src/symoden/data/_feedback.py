@@ -41,6 +41,8 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     follows = np.flatnonzero(share > _FOLLOWS)
     if not len(follows):
         return []
+    known = dataset.input_matrix is not None or (dataset.known is not None and dataset.known.input_matrix is not None)
+    part, more = ("V and D", "V or D") if known else ("g", "`input_matrix`, V")
     named = ", ".join(f"`{dataset.input_names[i]}` to {share[i]:.0%}" for i in follows)
     return [
         Finding(
@@ -49,7 +51,8 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             channel=dataset.input_names[follows[0]] if len(follows) == 1 else "",
             text=f"in [train] positions and velocities tell {named}: by feedback, slow motion, or a single frequency. "
             "What these inputs do may not be told from springs and dampers",
-            advice="Look after training whether `symoden inspect` finds g larger than its band. If not, record with a "
-            "signal of its own on top (steps, a chirp, noise), or give what is known: `input_matrix`, V under [known].",
+            advice=f"Look after training whether `symoden inspect` finds {part} larger than "
+            f"{'their bands' if known else 'its band'}. If not, record with a signal of its own on top (steps, a "
+            f"chirp, noise), or give what is known: {more} under [known].",
         )
     ]

@@ -33,6 +33,23 @@ UNITS: Final[Mapping[str, float]] = MappingProxyType(
 
 _BRACKETS: Final = re.compile(r"\s*(?P<name>.*\S)\s*(?:\[(?P<square>[^\[\]]+)\]|\((?P<round>[^()]+)\))\s*")
 
+_ENDINGS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "deg": "deg",
+        "degree": "deg",
+        "degrees": "deg",
+        "mm": "mm",
+        "cm": "cm",
+        "rpm": "rpm",
+        "deg_s": "deg/s",
+        "deg_per_s": "deg/s",
+        "dps": "deg/s",
+        "mm_s": "mm/s",
+        "cm_s": "cm/s",
+    }
+)
+_ENDING: Final = re.compile(rf"(?P<name>.*[^_])_(?P<unit>{'|'.join(_ENDINGS)})")
+
 
 def factor_of(unit: object) -> float:
     """Factor that brings numbers in a unit to SI or rad.
@@ -97,7 +114,7 @@ def unit_of(word: str) -> str:
 
 
 def split_unit(name: str) -> tuple[str, str]:
-    """Take the unit off a column's name that has one in brackets, as headers of tables do.
+    """Take the unit off a column's name that has one in brackets, or a common one as its ending.
 
     Args:
         name: Name of a column.
@@ -106,9 +123,11 @@ def split_unit(name: str) -> tuple[str, str]:
         The name without it, and the unit as `factor_of` takes it; the name as it is and nothing where it has none.
 
     Example:
-        >>> split_unit("pos [mm]"), split_unit("theta(°)"), split_unit("q[0]")
-        (('pos', 'mm'), ('theta', 'deg'), ('q[0]', ''))
+        >>> split_unit("pos [mm]"), split_unit("theta(°)"), split_unit("q[0]"), split_unit("theta_deg")
+        (('pos', 'mm'), ('theta', 'deg'), ('q[0]', ''), ('theta', 'deg'))
     """
+    if ended := _ENDING.fullmatch(name):
+        return ended["name"], _ENDINGS[ended["unit"]]
     found = _BRACKETS.fullmatch(name)
     if found is None or (unit := _plain(found["square"] or found["round"])) not in UNITS:
         return name, ""

@@ -1,5 +1,6 @@
 """How certain a trained model is: the Gauss-Newton matrix at the optimum, and what it says of anything computed."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, final
@@ -111,7 +112,7 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         The posterior of the parameters that training has set free.
 
     Raises:
-        ValueError: If there are none, or too many; if there are too few windows.
+        ValueError: If there are none, or too many; if there are too few windows, or rollouts diverge there.
 
     References:
         White (1982), *Maximum likelihood estimation of misspecified models*; Cameron & Miller (2015), *A practitioner's
@@ -144,6 +145,11 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         equations = Linearization.at(restore, theta, objective, data.train).normal_equations()
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)
         prior = _priors(model, data.train.q[:, 0], max(config.prior, np.finfo(float).eps), restore.corrections)
+    if not (np.isfinite(equations.matrix).all() and math.isfinite(equations.loss) and math.isfinite(elsewhere or 0.0)):
+        raise ValueError(
+            "Bands need rollouts along the training recordings that stay finite; this model's do not. Were these the "
+            "data, and their units, that it was trained on? Else train longer."
+        )
     factor, effective = _sandwich(
         equations.matrix * equations.residuals.size,
         equations.spread,

@@ -109,16 +109,20 @@ def levenberg_marquardt_step(
         about = dataclasses.replace(about, precision=state.theta.dtype)
         equations = about.normal_equations()
     variance = prior.effect * equations.loss if prior.variance is None else prior.variance
-    if pin is not None:
-        equations = equations.pinned(pin, variance)
     ridge = np.full(state.theta.size, prior.precision * variance)
     ridge /= equations.residuals.size
+    # A direction that the data do not determine has no scale of its own; the floor gives it one. What is pinned along
+    # one must not be held in all others that its parameters have a part in.
+    diagonal = np.diag(equations.matrix) + ridge
+    scale = diagonal + 1e-8 * max(float(diagonal.mean()), 1e-300)
+    if pin is not None:
+        equations = equations.pinned(pin, variance)
     theta = np.asarray(state.theta, float)
     middle = np.full_like(theta, prior.mean)
     before = equations.loss + float(ridge @ (theta - middle) ** 2)
     damping, growth = state.damping, 2.0
     for _ in range(_TRIALS):
-        trial = theta + _step(equations, about, damping=damping, ridge=ridge, pull=ridge * (theta - middle))
+        trial = theta + _step(equations, about, damping=damping * scale, ridge=ridge, pull=ridge * (theta - middle))
         after = mean_square(about.residuals(trial))
         if after + float(ridge @ (trial - middle) ** 2) < before:
             done = LevenbergState(jnp.asarray(trial, state.theta.dtype), max(damping / 5, _SMALLEST_DAMPING))
@@ -132,18 +136,15 @@ def _step(
     equations: NormalEquations,
     about: Linearization,
     *,
-    damping: float,
+    damping: np.ndarray,
     ridge: np.ndarray,
     pull: np.ndarray,
 ) -> np.ndarray:
     """Damped Gauss-Newton step and half its acceleration; NaN where the equations have no solution."""
-    diagonal = np.diag(equations.matrix) + ridge
-    # A direction that the data do not determine has no scale of its own; the floor gives it one.
-    scale = diagonal + 1e-8 * max(float(diagonal.mean()), 1e-300)
     try:
         # One thread: more of them gain little on so small a matrix, and wait for each other on a busy machine.
         with threadpool_limits(1, user_api="blas"):
-            factor = scipy.linalg.cho_factor(equations.matrix + np.diag(ridge + damping * scale), check_finite=False)
+            factor = scipy.linalg.cho_factor(equations.matrix + np.diag(ridge + damping), check_finite=False)
     except np.linalg.LinAlgError:  # Rounding: more damping helps.
         return np.full_like(ridge, np.nan)
     step = -scipy.linalg.cho_solve(factor, equations.gradient + pull, check_finite=False)
@@ -156,5 +157,5 @@ def _step(
     pulled = about.pull_back(bend) / bend.size
     half = -scipy.linalg.cho_solve(factor, pulled, check_finite=False) / 2
     # Where the bend is not small beside the step, the series is of no use.
-    bent = float((half * scale) @ half) > (_LARGEST_BEND / 2) ** 2 * float((step * scale) @ step)
+    bent = float((half * damping) @ half) > (_LARGEST_BEND / 2) ** 2 * float((step * damping) @ step)
     return step if bent else step + half
