@@ -11,7 +11,7 @@ import symoden
 from symoden.data import DataError
 from symoden.data._description import read_description
 from symoden.data._findings import Kind
-from symoden.data._known import _KEYS as _KNOWN_KEYS, _ROBOT
+from symoden.data._known import _ROBOT, KEYS as _KNOWN_KEYS
 from symoden.data._readers import _ARRAYS, _TABLES
 from symoden.data._units import UNITS
 from symoden.data._values import KEYS, PART_KEYS, PARTS

@@ -53,6 +53,7 @@ BAD = [
     (('correct = ["potential_energy"]', 'correct = "all"'), "`correct` must be a list of names"),
     (('correct = ["potential_energy"]', 'correct = ["input_matrix"]'), "`correct` must name parts that are given"),
     (("[known.parameters]\nm = 2", "parameters = 2"), "got `m`: give its value"),
+    (("space =", 'robot = "arm.urdf"\nspace ='), r"`robot` must stand under \[known\]"),
     ((KNOWN, "known = 3"), r"\[train\] has no key `known`"),
 ]
 

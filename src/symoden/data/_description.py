@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 from symoden.known import KnownParts
 
 from ._errors import DataError, listing, nearest
-from ._known import read_known
+from ._known import KEYS as KNOWN_KEYS, read_known
 from ._readers import Selector, names_in, variable_of
 from ._units import is_named, si_of, units_of
 from ._values import KEYS, PART_KEYS, PARTS, Check
@@ -178,6 +178,10 @@ def _checked(
     for key in table:
         if key not in keys:
             known = (*keys, "known", *PARTS) if not where else tuple(keys)
+            if not where and key in KNOWN_KEYS:
+                raise DataError(
+                    f"`{path}`: `{key}` must stand under [known]; it stands above all tables. Move it there."
+                )
             raise DataError(
                 f"`{path}`: {where or 'a description '}has no key `{key}`.{nearest(key, known)} "
                 f"The keys are {listing(known)}."

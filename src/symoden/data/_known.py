@@ -7,7 +7,7 @@ from symoden.known import GRAVITY, PARTS, KnownParts, Robot, read_urdf
 
 from ._errors import DataError, listing, nearest
 
-_KEYS: Final = (*PARTS, "robot", "constants", "parameters", "correct")
+KEYS: Final = (*PARTS, "robot", "constants", "parameters", "correct")
 _ROBOT: Final = ("urdf", "joints", "at", "gravity")
 
 
@@ -27,10 +27,8 @@ def read_known(path: Path, table: object) -> KnownParts:
     if not isinstance(table, dict):
         raise DataError(f"`{path}`: [known] must be a table; got {table!r}.")
     for key in table:
-        if key not in _KEYS:
-            raise DataError(
-                f"`{path}`: [known] has no key `{key}`.{nearest(key, _KEYS)} The keys are {listing(_KEYS)}."
-            )
+        if key not in KEYS:
+            raise DataError(f"`{path}`: [known] has no key `{key}`.{nearest(key, KEYS)} The keys are {listing(KEYS)}.")
     for key in ("constants", "parameters"):
         if not isinstance(table.get(key, {}), dict):
             raise DataError(f"`{path}`: [known.{key}] must be a table of names and numbers; got {table[key]!r}.")
