@@ -62,6 +62,16 @@ def test_a_clock_that_is_far_too_slow_for_a_mechanism_is_named_with_its_unit(tmp
     assert not any(each.findings for each in check_dataset(path).recordings)
 
 
+@pytest.mark.parametrize(("step", "unit", "named"), [(0.005, "ms", True), (0.02, "us", True), (20.0, "us", False)])
+def test_a_clock_of_seconds_that_is_said_to_have_another_unit_is_named(tmp_path, step, unit, named):
+    path = written(tmp_path, (step, 1.0), (step, 1.0))  # 20 us are a drive's, of which seconds would make nothing.
+    path.write_text(f'units = {{"t [x]" = "{unit}"}}\n' + path.read_text())
+    for each in check_dataset(path).recordings:
+        clocks = [one for one in each.findings if "short for a mechanism" in one.text]
+        assert len(clocks) == named
+        assert all(one.advice == "Remove `t [x]` from `units`." for one in clocks)
+
+
 @given(steps=st.lists(st.floats(0.001, 0.05), min_size=1, max_size=4))
 def test_logs_of_different_rates_have_nothing_wrong(tmp_path_factory, steps):
     path = written(tmp_path_factory.mktemp("rates"), *((step, 1) for step in steps))

@@ -65,6 +65,10 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
         print_table(*scores.table)
     if scores.warning:
         print(f"warning: {scores.warning}", file=sys.stderr)
+    if source.task is None and not source.dataset.test:
+        print(
+            "no recording is kept for testing: name some under [test] to see how others are predicted", file=sys.stderr
+        )
     return scores
 
 

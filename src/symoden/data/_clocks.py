@@ -14,11 +14,12 @@ from ._units import entry
 _OTHER: Final = 100  # times longer or shorter: no logger's rates differ so much
 _NEAR: Final = 3.0  # factor up to which a unit explains it, since rates differ too
 _SLOW: Final = 1.0  # Step [s] from which time stamps are rather in another unit: no mechanism is logged so slowly.
+_FAST: Final = 1e-4  # Step [s] below which they are rather in seconds already, if those are a logger's.
 _UNITS: Final = ((1e3, "milliseconds", "ms"), (1e6, "microseconds", "us"), (1e9, "nanoseconds", "ns"))
 
 
 def find_other_clocks(logs: Sequence[Log], description: Description) -> tuple[tuple[Finding, ...], ...]:
-    """Find logs whose usual step of time is far from that of most others, or all too long for a mechanism.
+    """Find logs whose usual step of time is far from that of most others, or all too long or short for a mechanism.
 
     Args:
         logs: Every log of a data set.
@@ -36,6 +37,8 @@ def find_other_clocks(logs: Sequence[Log], description: Description) -> tuple[tu
         () if step is None or 1 / _OTHER < step / most < _OTHER else (_finding(log, step, most, description),)
         for log, step in zip(logs, steps, strict=True)
     )
+    if most < _FAST:
+        return tuple(other or _fast(log, most, description) for other, log in zip(others, logs, strict=True))
     if most < _SLOW or description.velocities is not None:  # These tell what is wrong.
         return others
     return tuple(other or _slow(log, most, description) for other, log in zip(others, logs, strict=True))
@@ -61,6 +64,24 @@ def _slow(log: Log, step: float, description: Description) -> tuple[Finding, ...
             channel=name,
             text=f"the usual step of `{name}` is {step:.4g} s, long for a mechanism: is it in {word}?",
             advice=f"Write {entry({name: key}, description.units)}.",
+        ),
+    )
+
+
+def _fast(log: Log, step: float, description: Description) -> tuple[Finding, ...]:
+    """All time stamps are in seconds, and the description says otherwise."""
+    (name,) = log.names["time"]
+    factor = description.units.get(name, 1.0)
+    if not _FAST <= step / factor < _SLOW:
+        return ()
+    return (
+        Finding(
+            kind="unit",
+            level="warning",
+            channel=name,
+            text=f"the usual step of `{name}` is {step:.2g} s, short for a mechanism, and would be {step / factor:.2g} s "
+            "without its entry in `units`: is it in seconds?",
+            advice=f"Remove `{name}` from `units`.",
         ),
     )
 
