@@ -79,8 +79,8 @@ def _fast(log: Log, step: float, description: Description) -> tuple[Finding, ...
             kind="unit",
             level="warning",
             channel=name,
-            text=f"the usual step of `{name}` is {step:.2g} s, short for a mechanism, and would be {step / factor:.2g} s "
-            "without its entry in `units`: is it in seconds?",
+            text=f"the usual step of `{name}` is {step:.2g} s, short for a mechanism, and would be "
+            f"{step / factor:.2g} s without its entry in `units`: is it in seconds?",
             advice=f"Remove `{name}` from `units`.",
         ),
     )
