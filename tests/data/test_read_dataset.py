@@ -211,3 +211,26 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
     names = ["x-monday-run", "other", "tuesday-run", "y-monday-run"]
     assert sorted(each.name for each in dataset.train) == sorted(names)
     assert [each.name for each in dataset.test] == ["run"]  # Parts are told apart anyway.
+
+
+@pytest.mark.parametrize(
+    ("names", "short"),
+    [
+        (("/arm/angle/data", "/arm/volt/data"), ("angle", "volt")),
+        (("/js/hip/position", "/js/hip/effort"), ("position", "effort")),
+        (("a/q", "b/q"), ("a", "b")),
+        (("q", "u"), ("q", "u")),
+        (("x [m/s]", "u [N/A]"), ("x [m/s]", "u [N/A]")),
+        (("run/q", "u"), ("run/q", "u")),
+    ],
+)
+def test_topics_are_named_without_what_all_of_them_begin_and_end_with(tmp_path, names, short):
+    t = np.linspace(0.0, 2.0, 201)
+    rows = np.stack([t, np.sin(3 * t), np.cos(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header=",".join(["t", *names]), comments="")
+    path = tmp_path / "arm.toml"
+    path.write_text(
+        f'space = "R1"\ntime = "t"\npositions = ["{names[0]}"]\ninputs = ["{names[1]}"]\n[train]\nfiles = ["a.csv"]\n'
+    )
+    dataset = read_dataset(path)
+    assert (*dataset.position_names, *dataset.input_names) == short

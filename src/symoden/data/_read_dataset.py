@@ -91,6 +91,8 @@ def assemble(
     parts: Mapping[str, list[Trajectory]] = {"train": [], "test": [], "validation": []}
     for log, each in zip(logs, recordings, strict=True):
         parts[log.part].extend(each)
+    names = [_plain(logs[0].names[role], description.units) for role in ("positions", "inputs")]
+    short = _without_common_path([*names[0], *names[1]])
     return Dataset(
         name=path.stem,
         space=description.space,
@@ -101,8 +103,8 @@ def assemble(
         hold=description.hold,
         input_matrix=None if description.input_matrix is None else np.array(description.input_matrix),
         known=description.known,
-        position_names=_plain(logs[0].names["positions"], description.units),
-        input_names=_plain(logs[0].names["inputs"], description.units),
+        position_names=short[: len(names[0])],
+        input_names=short[len(names[0]) :],
     )
 
 
@@ -110,6 +112,17 @@ def _plain(names: Sequence[str], units: Mapping[str, float]) -> tuple[str, ...]:
     """Names of columns without the units that their numbers no longer have, where they can be told apart without."""
     plain = tuple(name if of_column(name, units) is None else split_unit(name)[0] for name in names)
     return plain if len(set(plain)) == len(plain) else tuple(names)
+
+
+def _without_common_path(names: Sequence[str]) -> tuple[str, ...]:
+    """Names of topics, or of arrays in groups, without what all of them begin and end with."""
+    paths = [name.split("/") for name in names]
+    if len(names) == 1 or any(len(path) == 1 or " " in name for path, name in zip(paths, names, strict=True)):
+        return tuple(names)
+    for end in (0, -1):
+        while min(map(len, paths)) > 1 and len({path[end] for path in paths}) == 1:
+            paths = [path[1:] if end == 0 else path[:-1] for path in paths]
+    return tuple("/".join(path) for path in paths)
 
 
 def _warn_of_clocks(path: Path, logs: Sequence[Log], is_angle: np.ndarray) -> None:
