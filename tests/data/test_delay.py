@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from symoden.data import DataError, Trajectory, read_dataset, resample
-from symoden.data._delay import delay_inputs
+from symoden.data._delay import advance_positions, delay_inputs
 
 
 def pushed_mass(seed, delay, samples=300, step=0.01):
@@ -89,3 +89,63 @@ def test_the_delay_of_a_log_is_where_its_momentum_balance_closes(tmp_path):
 def test_a_delay_that_does_not_fit_is_refused(delays, message):
     with pytest.raises(DataError, match=message):
         delay_inputs(pushed_mass(0, 0.0), delays, hold="zero")
+
+
+def two_joints(delays, ts):
+    """Two smooth angles, each logged some time after it was so."""
+    late = ts[:, None] - np.array(delays)
+    q, rates = np.sin(late * [3.0, 5.0]), [3.0, 5.0] * np.cos(late * [3.0, 5.0])
+    return Trajectory(name="seen", ts=ts, q=q, rates=rates, us=np.cos(ts)[:, None])
+
+
+@given(delays=st.tuples(st.floats(0.0, 0.3), st.floats(0.0, 0.3)), seed=st.integers(0, 1000))
+def test_late_positions_are_those_of_the_time_at_which_they_were(delays, seed):
+    ts = np.cumsum(np.random.default_rng(seed).uniform(0.005, 0.015, 300))
+    undone, truth = advance_positions(two_joints(delays, ts), delays), two_joints((0.0, 0.0), ts)
+    count = len(undone)
+    assert ts[count - 1] + max(delays) <= ts[-1] + 1e-9
+    assert count == len(ts) or ts[count] + max(delays) > ts[-1]  # No more is left out than must be.
+    np.testing.assert_array_equal(undone.ts, ts[:count])
+    np.testing.assert_array_equal(undone.us, truth.us[:count])
+    np.testing.assert_allclose(undone.q, truth.q[:count], atol=2e-3)
+    np.testing.assert_allclose(undone.rates, truth.rates[:count], atol=2e-2)
+
+
+@pytest.mark.parametrize("steps", [0, 1, 7])
+def test_a_position_that_is_late_by_whole_steps_is_shifted(steps):
+    logged = two_joints((0.0, 0.01 * steps), 0.01 * np.arange(200))
+    undone = advance_positions(logged, (0.0, 0.01 * steps))
+    assert len(undone) == 200 - steps
+    np.testing.assert_array_equal(undone.q[:, 0], logged.q[: 200 - steps, 0])
+    np.testing.assert_allclose(undone.q[:, 1], logged.q[steps:, 1], atol=1e-12)
+    np.testing.assert_allclose(undone.rates[:, 1], logged.rates[steps:, 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("velocities", [True, False])
+def test_a_description_says_how_late_a_sensor_is(tmp_path, velocities):
+    logged, truth = (two_joints(delays, 0.01 * np.arange(400)) for delays in ((0.0, 0.13), (0.0, 0.0)))
+    rows = np.concatenate([logged.ts[:, None], logged.q, logged.rates, logged.us], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,x,y,vx,vy,u", comments="")
+    text = 'space = "T2"\ntime = "t"\npositions = ["x", "y"]\ninputs = ["u"]\nposition_delay = [0, 0.13]\n'
+    text += 'velocities = ["vx", "vy"]\n' if velocities else ""
+    path = tmp_path / "arm.toml"
+    path.write_text(text + '[train]\nfiles = ["a.csv"]\n')
+    (seen,) = read_dataset(path).train
+    assert len(seen) == 400 - 13
+    np.testing.assert_allclose(seen.q, truth.q[: len(seen)], atol=1e-9)
+    np.testing.assert_allclose(seen.rates[20:-20], truth.rates[20 : len(seen) - 20], atol=0.02)
+    path.write_text(text.replace("[0, 0.13]", "[0, 0.13, 0]") + '[train]\nfiles = ["a.csv"]\n')
+    with pytest.raises(DataError, match="`position_delay` must be one number or one per position, 2; got 3"):
+        read_dataset(path)
+
+
+@pytest.mark.parametrize(
+    ("delays", "message"),
+    [
+        ((0.1, 0.2, 0.3), "`seen`: `position_delay` must be one number or one per position, 2; got 3"),
+        ((1e3,), "`seen`: `position_delay` must be shorter than the recording; got 1000.0 s for"),
+    ],
+)
+def test_a_late_position_that_does_not_fit_is_refused(delays, message):
+    with pytest.raises(DataError, match=message):
+        advance_positions(two_joints((0.0, 0.0), 0.01 * np.arange(200)), delays)

@@ -1,10 +1,11 @@
-"""Transport delay of inputs: what acts now was logged a while ago."""
+"""Delays: of inputs, where what acts now was logged a while ago, and of sensors, which tell of a while ago."""
 
 import dataclasses
 from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from ._errors import DataError
 from ._resample import centred_mean, held_mean
@@ -56,3 +57,48 @@ def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Liter
             columns.append(centred_mean(elapsed, column[:, None], at, 0.0))
     kept = trajectory.cut(first, len(ts), name=trajectory.name)
     return dataclasses.replace(kept, us=np.concatenate(columns, axis=1))
+
+
+def advance_positions(trajectory: Trajectory, delays: Sequence[float]) -> Trajectory:
+    """Let each position, and its rate, be that of the time at which it was, of sensors that are late.
+
+    Between samples positions are interpolated by monotone cubics, rates linearly. The last samples, whose positions
+    were not logged any more, are left out.
+
+    Args:
+        trajectory: The recording, angles without jumps, before it is resampled.
+        delays: Delay of each position [s], or one for all of them.
+
+    Returns:
+        The recording up to the last sample whose positions are all known.
+
+    Raises:
+        DataError: If their number is wrong, or a delay leaves less than two samples.
+
+    References:
+        Fritsch & Carlson (1980), *Monotone piecewise cubic interpolation*.
+    """
+    ts, size = trajectory.ts, trajectory.q.shape[1]
+    if len(delays) not in (1, size):
+        raise DataError(
+            f"`{trajectory.name}`: `position_delay` must be one number or one per position, {size}; "
+            f"got {len(delays)}: {list(delays)}."
+        )
+    if not any(delays):
+        return trajectory
+    longest = max(delays)
+    count = int(np.searchsorted(ts, ts[-1] - longest * (1 - 1e-12), side="right"))
+    if count < 2:
+        raise DataError(
+            f"`{trajectory.name}`: `position_delay` must be shorter than the recording; got {longest} s for "
+            f"{trajectory.duration:.6g} s. Give it in seconds."
+        )
+    elapsed = ts - ts[0]
+    kept = trajectory.cut(0, count, name=trajectory.name)
+    q, rates = kept.q.copy(), kept.rates.copy()
+    for i, delay in enumerate(np.broadcast_to(delays, size)):
+        if delay:
+            at = np.minimum(elapsed[:count] + delay, elapsed[-1])
+            q[:, i] = PchipInterpolator(elapsed, trajectory.q[:, i])(at)
+            rates[:, i] = np.interp(at, elapsed, trajectory.rates[:, i])
+    return dataclasses.replace(kept, q=q, rates=rates)

@@ -61,6 +61,8 @@ class Description:
         hold: What an input is between samples.
         input_delay: Constant transport delay of the inputs [s], one for all or one each: the input that acts at t is
             the one that was logged at t − delay. The first samples, whose inputs were not logged, are left out.
+        position_delay: Constant delay of the positions [s], one for all or one each: what was logged at t was so at
+            t − delay. The last samples, whose positions were not logged any more, are left out.
         resample: Step of the uniform grid to bring recordings to [s].
         input_matrix: Known g, row by row.
         initial_samples: Samples of a recording, after resampling, that may be used to find its first state.
@@ -85,6 +87,7 @@ class Description:
     blind: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     hold: Literal["zero", "linear"] = "zero"
     input_delay: tuple[float, ...] = (0.0,)
+    position_delay: tuple[float, ...] = (0.0,)
     resample: float | None = None
     input_matrix: tuple[tuple[float, ...], ...] | None = None
     initial_samples: int = 1
@@ -211,11 +214,12 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         raise DataError(f"`{path}`: [train] or [test] must name `files`; got neither.")
     if isinstance(description.positions, tuple):
         _refuse_other_size(path, description)
-    delays = len(description.input_delay)
-    if isinstance(description.inputs, tuple) and delays not in (1, len(description.inputs)):
-        raise DataError(
-            f"`{path}`: `input_delay` must be one number or one per input, {len(description.inputs)}; got {delays}."
-        )
+    for key, delays, what, columns in (
+        ("input_delay", len(description.input_delay), "input", description.inputs),
+        ("position_delay", len(description.position_delay), "position", description.positions),
+    ):
+        if isinstance(columns, tuple) and delays not in (1, len(columns)):
+            raise DataError(f"`{path}`: `{key}` must be one number or one per {what}, {len(columns)}; got {delays}.")
     _refuse_two_meanings(path, description)
     for key, named in (("units", description.units), ("zeros", description.zeros)):
         _refuse_unread(path, key, named, description.selectors)

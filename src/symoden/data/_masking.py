@@ -108,7 +108,7 @@ def mask(
         blind: Dead spots of sensors, and the rows in each.
         stuck: Positions that stand still while their velocities do not.
         resample: Step of the grid that its recordings are brought to [s].
-        delay: Longest delay of an input [s]; each piece loses as much.
+        delay: Longest delay of an input and of a position [s]; each piece loses as much.
 
     Returns:
         The choice. A log without gaps is one piece, however short it is.

@@ -1,4 +1,4 @@
-"""From a log to recordings: masked, angles unwrapped, rates completed, inputs delayed, resampled, split."""
+"""From a log to recordings: masked, angles unwrapped, rates completed, delays undone, resampled, split."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ._blind import BlindSpot, rows_in_spots
-from ._delay import delay_inputs
+from ._delay import advance_positions, delay_inputs
 from ._description import Description
 from ._errors import DataError
 from ._logs import Log
@@ -49,7 +49,7 @@ def rows_to_use(
         rows_in_spots(log, spots, is_angle),
         stuck,
         resample=description.resample,
-        delay=max(description.input_delay),
+        delay=max(description.input_delay) + max(description.position_delay),
     )
     if len(chosen.pieces[0]) < 2:
         raise DataError(
@@ -105,6 +105,7 @@ def _trajectory(
         noise_gain=gain,
         one_sided=one_sided,
     )
+    trajectory = advance_positions(trajectory, description.position_delay)
     trajectory = delay_inputs(trajectory, description.input_delay, hold=description.hold)
     if description.resample is not None:
         trajectory = resample(trajectory, description.resample, hold=description.hold)

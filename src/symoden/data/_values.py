@@ -134,7 +134,7 @@ def _delays(value: object) -> tuple[float, ...]:
         if isinstance(item, int | float) and _is_number(item) and item >= 0
     ]
     if not seconds or len(seconds) != (len(value) if isinstance(value, list) else 1):
-        _fail("a number of seconds, at least 0, or a list of one per input")
+        _fail("a number of seconds, at least 0, or a list of one each")
     return tuple(seconds)
 
 
@@ -184,6 +184,7 @@ KEYS: Final[dict[str, Check]] = {
     "blind": _blind,
     "hold": _hold,
     "input_delay": _delays,
+    "position_delay": _delays,
     "resample": _positive,
     "input_matrix": _matrix,
     "initial_samples": _count,
