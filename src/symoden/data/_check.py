@@ -15,6 +15,7 @@ from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
 from ._feedback import find_feedback
 from ._findings import SHOWN_SPANS, Finding, refusal
+from ._input_signs import find_input_signs
 from ._kinematics import AGREES
 from ._late_inputs import find_late_inputs
 from ._left_out import find_absent, find_masked, find_merged
@@ -164,7 +165,8 @@ def _assembled(
     except DataError as error:
         return [refusal(error)]
     inputs = *find_feedback(dataset, is_angle), *find_late_inputs(dataset, description.input_delay, is_angle)
-    return [*find_short(dataset), *find_fast_sampling(dataset), *inputs]
+    signs = find_input_signs(dataset, description, is_angle)
+    return [*find_short(dataset), *find_fast_sampling(dataset), *inputs, *signs]
 
 
 def _check(

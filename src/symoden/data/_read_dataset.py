@@ -13,6 +13,7 @@ from ._description import Description, read_description
 from ._errors import DataError, DataWarning, listing
 from ._examine import Examination
 from ._findings import Finding
+from ._input_signs import find_input_signs
 from ._left_out import find_merged
 from ._logs import Log, angles
 from ._masking import Mask
@@ -61,6 +62,8 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
+    for sign in find_input_signs(dataset, description, is_angle):
+        warnings.warn(f"`{path}`: {sign.text}. {sign.advice}", DataWarning, stacklevel=2)
     return dataset
 
 

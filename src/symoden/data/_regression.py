@@ -3,10 +3,11 @@
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 _BLOCKS: Final = 8  # Stretches.
-_RANK: Final = 1e-6  # Relative to the largest singular value: what changes less tells nothing.
+RANK: Final = 1e-6
+"""Singular value beside the largest one from which a direction tells something."""
 
 
 def unseen_residuals(
@@ -24,10 +25,19 @@ def unseen_residuals(
         The residuals, of the first half of the stretches and then of the second.
     """
     scaled = regressors / np.maximum(np.abs(regressors).max(axis=0), np.finfo(float).tiny)
-    halves = [np.arange(len(targets)) * _BLOCKS // len(targets) % 2 == k for k in (0, 1)]
+    both = halves(len(targets))
     return np.concatenate(
-        [
-            targets[a] - scaled[a] @ np.linalg.lstsq(scaled[b], targets[b], rcond=_RANK)[0]
-            for a, b in (halves, halves[::-1])
-        ]
+        [targets[a] - scaled[a] @ np.linalg.lstsq(scaled[b], targets[b], rcond=RANK)[0] for a, b in (both, both[::-1])]
     )
+
+
+def halves(count: int) -> list[Bool[np.ndarray, " T"]]:
+    """Every other of eight stretches, and the others.
+
+    Args:
+        count: Number of rows.
+
+    Returns:
+        Which rows belong to each half.
+    """
+    return [np.arange(count) * _BLOCKS // count % 2 == k for k in (0, 1)]

@@ -1,0 +1,108 @@
+"""Recordings under short bumps: accelerations without a derivative of velocities, and what may cause them."""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ._trajectory import Trajectory
+
+_BUMP: Final = 0.15  # [s], or eight samples: what is shorter is noise of the velocities.
+_FEWEST_STEPS: Final = 8
+_MOST: Final = 800  # Bumps.
+_MANY: Final = 2  # Bumps in either half for each number of the regression.
+_SHARP: Final = 0.1  # Of the usual speed, within which dry friction turns round.
+
+
+class Bumps(NamedTuple):
+    """A recording under bumps w.
+
+    Attributes:
+        recording: The recording.
+        samples: Its samples under each bump.
+        motion: ∫ w of what accelerates a mechanism beside its inputs.
+        gained: ∫ w dv.
+        cells: dt of every sample [s].
+        given: ∫ u dt from the first row on.
+        turning: w dt of every sample as it is, and as it turns with each angle.
+    """
+
+    recording: Trajectory
+    samples: Int[np.ndarray, "B s"]
+    motion: Float[np.ndarray, "B k"]
+    gained: Float[np.ndarray, "B n"]
+    cells: Float[np.ndarray, "B s"]
+    given: Float[np.ndarray, "T m"]
+    turning: Float[np.ndarray, "B s a"]
+
+    def pushed(self, delay: float) -> Float[np.ndarray, "B k"]:
+        """∫ w u dt of inputs of some time ago, as they are and as they turn with each angle."""
+        # Means over every sample's cell, half of which is before it: of an input that is held until the next row these
+        # are (u[k−1] + u[k]) / 2, as it acts half a step later than its row.
+        ts = self.recording.ts
+        at = ts[self.samples] - delay
+
+        def integral(until: Float[np.ndarray, "B s"]) -> Float[np.ndarray, "B s m"]:
+            return np.stack([np.interp(until, ts, column) for column in self.given.T], axis=2)
+
+        means = (integral(at + self.cells / 2) - integral(at - self.cells / 2)) / self.cells[:, :, None]
+        return np.einsum("bsm,bsa->bma", means, self.turning, optimize=True).reshape(len(at), -1)
+
+
+def bumps_of(recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: float = 0.0, held: bool) -> list[Bumps]:
+    """Lay bumps (1 − x²)² on recordings, so many that a regression of accelerations may be asked.
+
+    Args:
+        recordings: Recordings of velocities with the same inputs.
+        is_angle: Whether each coordinate is an angle.
+        first: Where the first bump of each may begin [s].
+        held: Whether inputs are held until the next sample.
+
+    Returns:
+        One for each recording that is long enough; none where all together are too few.
+    """
+    step = float(np.median(np.concatenate([np.diff(each.ts) for each in recordings])))
+    size, begin = max(_FEWEST_STEPS, round(_BUMP / step)), int(np.ceil(first / step))
+    long = [each for each in recordings if len(each) > begin + size + 1]
+    if not long:
+        return []
+    stride = max(size // 2, sum(map(len, long)) // _MOST, 1)
+    starts = [np.arange(begin, len(each) - size, stride)[:, None] for each in long]
+    parts = [
+        _under_bumps(each, start + np.arange(size + 1), is_angle, held=held)
+        for each, start in zip(long, starts, strict=True)
+    ]
+    numbers = parts[0].motion.shape[1] + parts[0].given.shape[1] * parts[0].turning.shape[2]
+    return parts if sum(map(len, starts)) >= 2 * _MANY * numbers else []
+
+
+def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray, *, held: bool) -> Bumps:
+    """Integrate a recording under bumps (1 − x²)²."""
+    at, q = recording.ts[samples], recording.q[:, is_angle]
+    span, times = at[:, -1:] - at[:, :1], np.gradient(at, axis=1)
+    x = 2 * (at - at[:, :1]) / span - 1
+    weight, slope = (1 - x**2) ** 2, -8 * x * (1 - x**2) / span
+    us = recording.us
+    between = us[:-1] if held else (us[:-1] + us[1:]) / 2
+    sums = np.cumsum(between * np.diff(recording.ts)[:, None], axis=0)
+    turns = np.concatenate([np.ones((len(q), 1)), np.cos(q), np.sin(q)], axis=1)
+    return Bumps(
+        recording=recording,
+        samples=samples,
+        motion=np.einsum("bs,bsk->bk", weight * times, _motion(recording, is_angle)[samples]),
+        gained=-np.einsum("bs,bsk->bk", slope * times, recording.rates[samples]),
+        cells=times,
+        given=np.concatenate([np.zeros((1, us.shape[1])), sums]),
+        turning=(weight * times)[:, :, None] * turns[samples],
+    )
+
+
+def _motion(recording: Trajectory, is_angle: np.ndarray) -> Float[np.ndarray, "T k"]:
+    """What accelerates a mechanism beside its inputs, up to factors."""
+    q, v = recording.q, recording.rates
+    usual = np.maximum(np.sqrt(np.mean(v**2, axis=0)), np.finfo(float).tiny)
+    places = [np.where(is_angle, np.cos(q), q), np.where(is_angle, np.sin(q), q**2), np.where(is_angle, 0.0, q**3)]
+    friction = [v, np.tanh(v / (_SHARP * usual)), v * np.abs(v)]
+    i, j = np.triu_indices(q.shape[1])
+    return np.concatenate([np.ones((len(q), 1)), *places, *friction, v[:, i] * v[:, j]], axis=1)

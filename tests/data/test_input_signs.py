@@ -1,0 +1,75 @@
+"""Inputs that push the other way round than the given g says are named, others are not."""
+
+import numpy as np
+import pytest
+
+from symoden.data import DataWarning, check_dataset, read_dataset
+
+STEP = 0.01
+INERTIA = np.array([[1.0, 0.3], [0.3, 0.5]])
+
+
+def cart(path, g, *, seed=0, samples=2000, noise=1e-3, late=0, friction=0.5):
+    """Two coupled joints, one under gravity, with steps of their inputs."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.uniform(-2, 2, (samples // 40 + 1, 2)), 40, axis=0)[:samples]
+    acts = np.concatenate([np.zeros((late, 2)), u])[:samples]
+    states = np.zeros((samples, 4))
+    inverse = np.linalg.inv(INERTIA)
+    for k in range(samples - 1):
+        q, v = np.split(states[k], 2)
+        for _ in range(10):
+            force = g @ acts[k] - [0.0, 3 * np.sin(q[1])] - friction * v - 2 * q * [1, 0]
+            v = v + STEP / 10 * inverse @ force
+            q = q + STEP / 10 * v
+        states[k + 1] = np.concatenate([q, v])
+    measured = states + rng.normal(0, noise, states.shape) * [1, 1, 3, 3]
+    rows = np.column_stack([STEP * np.arange(samples), measured, u])
+    np.savetxt(path / "run.csv", rows, delimiter=",", header="t,x,q,vx,vq,u,w", comments="")
+
+
+def described(path, matrix, more=""):
+    """A description with such a g, and what is said of signs."""
+    file = path / "run.toml"
+    given = f"input_matrix = {np.asarray(matrix).tolist()}" if matrix is not None else ""
+    file.write_text(
+        f'space = "R1 T1"\ntime = "t"\npositions = ["x", "q"]\nvelocities = ["vx", "vq"]\ninputs = ["u", "w"]\n'
+        f'{given}\n{more}\n[train]\nfiles = ["run.csv"]\n'
+    )
+    return file, [one for one in check_dataset(file).findings if one.kind == "sign"]
+
+
+@pytest.mark.parametrize("noise", [1e-3, 3e-3])
+@pytest.mark.parametrize(
+    ("signs", "named"), [((1, 1), ()), ((-1, 1), ("u",)), ((1, -1), ("w",)), ((-1, -1), ("u", "w"))]
+)
+def test_an_input_of_the_wrong_sign_is_named(tmp_path, signs, named, noise):
+    g = np.array([[2.0, 0.5], [0.0, 1.0]])
+    cart(tmp_path, g, noise=noise)
+    file, found = described(tmp_path, g * signs)
+    assert len(found) == bool(named)
+    for one in found:
+        assert (one.level, one.channel) == ("warning", named[0] if len(named) == 1 else "")
+        assert all(f"{name} = -1" in one.advice for name in named)
+        with pytest.warns(DataWarning, match="the other way round than `input_matrix` says"):
+            read_dataset(file)
+        turned = ", ".join(f"{name} = -1" for name in named)
+        assert described(tmp_path, g * signs, f"units = {{{turned}}}")[1] == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_said_of_right_signs_hardly_any_motion_or_an_unknown_g(tmp_path, seed):
+    g = np.eye(2)
+    cart(tmp_path, g, seed=seed, noise=0.05)
+    assert described(tmp_path, g)[1] == []
+    assert described(tmp_path, None)[1] == []
+    cart(tmp_path, -g, seed=seed, samples=60)
+    assert described(tmp_path, g)[1] == []
+    cart(tmp_path, -1e-6 * g, seed=seed)
+    assert described(tmp_path, g)[1] == []
+
+
+@pytest.mark.parametrize("late", [10, 20])
+def test_an_input_that_is_late_is_not_taken_for_one_of_the_wrong_sign(tmp_path, late):
+    cart(tmp_path, np.eye(2), late=late)
+    assert described(tmp_path, np.eye(2))[1] == []
