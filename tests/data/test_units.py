@@ -265,7 +265,7 @@ def test_units_in_names_are_asked_for_and_left_out_once_the_numbers_have_others(
         ("_mm", "_mm", ""),
         ("joint_s", "joint_s", ""),
         ("q_m", "q_m", ""),
-        ("handcm", "handcm", ""),
+        ("x_cm", "x_cm", ""),  # As a rule the centre of mass.
     ],
 )
 def test_units_that_names_end_in(name, plain, unit):

@@ -14,7 +14,7 @@ from symoden.models import BlockConfig, build
 from symoden.spaces import Space
 from symoden.systems import LinkChain, Pendulum
 from symoden.training._data import hold_out, regression_data
-from symoden.training._first_guess import FirstGuess, begin_with, can_be_guessed, guess
+from symoden.training._first_guess import FirstGuess, as_heavy, begin_with, can_be_guessed, guess
 from symoden.training._fit import _prepare
 from symoden.training._flatten import cast, freed
 from symoden.training._line_up import line_up
@@ -83,6 +83,56 @@ def test_a_model_begins_with_what_was_found(mixed, plain, knees):
     assert np.asarray(model.dissipation_matrix(q, v)) == pytest.approx(np.diag(VISCOUS), rel=1e-5, abs=1e-6)
 
 
+def hinge(J, axis=(0, 1, 0)):
+    """A robot of one joint, of which these are the moments."""
+    pose, inertia = (tuple(map(tuple, np.asarray(matrix).tolist())) for matrix in (np.eye(4), J))
+    body = Body(joint="hinge", coordinate=0, parent=-1, prismatic=False, axis=axis, origin=pose, inertia=inertia)
+    return KnownParts(robot=Robot(bodies=(body,)))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-2])
+def test_a_joint_that_nothing_but_its_drive_holds_keeps_a_drive_that_can_be(driven, plain, quick, noise):
+    """Of a turntable inputs, inertia and friction are known up to a factor alone, and noise must not make one up."""
+    dataset = hold_out(driven(lambda q, v, u: (4 * u - v) / 0.5, [0.0], space="T1", noise=noise), quick)
+    known = hinge(np.diag([0.05, 0.05, 0.01, 1.0]), axis=(0, 0, 1))
+    found = guessed(dataset, model := built(dataset, plain, known=known), quick)
+    first = float(np.asarray(model.parameters.links.rotors.array)[0])
+    assert 0.005 * first < found.drives[0] < 100 * first
+    inertia = 0.1 + found.drives[0]
+    assert found.inputs[0, 0] / inertia == pytest.approx(8.0, rel=0.3 if noise == 1e-2 else 0.05)
+    assert found.viscous[0] / inertia == pytest.approx(2.0, rel=0.5 if noise == 1e-2 else 0.05)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_robot_is_as_heavy_as_its_file_says_where_nothing_else_gives_a_unit(pendulum, plain, scrambled, seed):
+    known, dataset = hinge([[0.3, 0, 0, 0], [0, 0.3, 0, 0], [0, 0, 0.5, -0.4], [0, 0, -0.4, 0.8]]), pendulum()
+    begun = built(dataset, plain, known=known)
+    learned = scrambled(begun, seed, 0.5)
+    q = np.linspace(-3, 3, 40)[:, None]
+    model: Any = as_heavy(learned, begun, q)
+    states = [jnp.asarray(row) for row in ([0.3], [-0.7], [0.5])]
+
+    def slope(model):
+        slopes = [float(jax.grad(model.potential_energy)(jnp.asarray(each))[0]) for each in q]
+        return float(np.sqrt(np.mean(np.square(slopes))))
+
+    def acceleration(model, q, v, u):
+        load = jax.grad(model.potential_energy)(q) + model.dissipation_matrix(q, v) @ v
+        return float((model.inverse_mass_matrix(q) @ (model.input_matrix(q) @ u - load))[0])
+
+    assert slope(model) == pytest.approx(slope(begun), rel=1e-4)
+    assert slope(learned) != pytest.approx(slope(begun), rel=1e-2)
+    assert acceleration(model, *states) == pytest.approx(acceleration(learned, *states), rel=1e-4)
+    factor = slope(model) / slope(learned)
+    weighs, before = (
+        {name: float(value) for name, value in each.parameters.quantities.items()} for each in (model, learned)
+    )
+    assert weighs["hinge.m"] == pytest.approx(factor * before["hinge.m"], rel=1e-4)
+    assert weighs["hinge.cz"] == pytest.approx(before["hinge.cz"], rel=1e-4)
+    given = built(dataset, plain, known=known, input_matrix=np.eye(1))
+    assert as_heavy(given, begun, q) is given
+
+
 @pytest.mark.parametrize("gain", [1.0, -4.0])
 def test_drives_are_what_bodies_leave_of_the_inertia(pendulum, plain, quick, gain):
     truth = Pendulum(damping=0.2)
@@ -91,14 +141,12 @@ def test_drives_are_what_bodies_leave_of_the_inertia(pendulum, plain, quick, gai
     J = np.diag([0.1 * inertia, 0.0, 0.5 * inertia, 100.0])
     J[2, 3] = J[3, 2] = -moment
     J[1, 1] = 1e-6
-    pose, inertial = (tuple(map(tuple, matrix.tolist())) for matrix in (np.eye(4), J))
-    body = Body(joint="hinge", coordinate=0, parent=-1, prismatic=False, axis=(0, 1, 0), origin=pose, inertia=inertial)
     dataset = pendulum(samples=60)
     dataset = dataclasses.replace(
         dataset, train=tuple(dataclasses.replace(each, us=each.us / gain) for each in dataset.train)
     )
     for g in (None, np.array([[gain]])):
-        known = KnownParts(robot=Robot(bodies=(body,)))
+        known = hinge(J)
         found = guessed(dataset, built(dataset, plain, known=known, input_matrix=g), quick)
         assert found.drives == pytest.approx([0.4 * inertia], rel=0.02)
         assert found.viscous == pytest.approx([0.2], rel=0.1)

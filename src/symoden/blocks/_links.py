@@ -115,6 +115,21 @@ class Links(eqx.Module):
         roots = [k for k, parent in enumerate(self.parents) if parent < 0]
         return -jnp.sum(composites[np.array(roots), :3, 3] @ self.gravity.value)
 
+    def times(self, factor: float | int) -> "Links":
+        """The same bodies with all masses, moments and drives multiplied.
+
+        Args:
+            factor: The factor, positive.
+
+        Returns:
+            The bodies.
+        """
+        roots, rotors = (
+            Known(known.array * jnp.asarray(each, known.array.dtype))
+            for known, each in ((self.roots, np.sqrt(factor)), (self.rotors, factor))
+        )
+        return dataclasses.replace(self, roots=roots, rotors=rotors)
+
     @property
     def quantities(self) -> dict[str, Array]:
         """Mass [kg], centre of mass [m], moments of inertia about it [kg m²] and the drive's, by joint and name."""

@@ -118,16 +118,14 @@ def _profile_tables(
             yield TableText(f"along {name}{others}{note}", (title, *curves), rows)
 
 
-def _without_repetition(along: Sequence[Sequence[TableText]]) -> Iterator[TableText]:
+def _without_repetition(coordinates: Sequence[Sequence[TableText]]) -> Iterator[TableText]:
     """Tables coordinate by coordinate; what is the same everywhere once, and first."""
-    everywhere = [
-        first
-        for first, *others in zip(*along, strict=False)
-        if others and first.rows[0][0] == _ANYWHERE and all(other.rows == first.rows for other in others)
-    ]
-    for table in everywhere:
-        note = table.title.partition(";")[2]
-        yield TableText(f"in all configurations{note and ';'}{note}", ("", *table.columns[1:]), table.rows)
-    known = [table.rows for table in everywhere]
-    for tables in along:
-        yield from (table for table in tables if table.rows not in known)
+    repeated = []
+    for k, (first, *others) in enumerate(zip(*coordinates, strict=False)):
+        same = all((each.columns[1:], each.rows) == (first.columns[1:], first.rows) for each in others)
+        if others and same and first.rows[0][0] == _ANYWHERE:
+            note = first.title.partition(";")[2]
+            repeated.append(k)
+            yield TableText(f"in all configurations{note and ';'}{note}", ("", *first.columns[1:]), first.rows)
+    for each in coordinates:
+        yield from (table for k, table in enumerate(each) if k not in repeated)

@@ -15,7 +15,9 @@ from ._judge import Tolerance
 from ._regulator import Regulator, linearize, remaining_motion
 
 _QUICK: Final = 0.01
-_NEWTON: Final = 6
+_NEWTON: Final = 12
+_STILL: Final = 1e-3  # Accelerations [rad/s² or m/s²].
+_NEAR: Final = 1.0  # [rad or m].
 _MORE: Final = (10, 100)
 
 
@@ -43,10 +45,10 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
     aside = float(np.abs(rest[: model.space.size]).max())
     if aside > Tolerance().position:
         nearest = _nearest_equilibrium(model, regulator.target)
+        where = "." if nearest is None else f"; nearby that is {nearest.round(4).tolist()}."
         return (
             f"The target {target} must be an equilibrium of the model, but no input holds it there: the regulator "
-            f"would come to rest {aside:.2g} rad or m away, by its linearisation. Choose a target where it rests; "
-            f"nearby that is {nearest.round(4).tolist()}."
+            f"would come to rest {aside:.2g} rad or m away, by its linearisation. Choose a target where it rests{where}"
         )
     if period is not None and period > _QUICK and holds(limits, _QUICK):
         return (
@@ -67,14 +69,19 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
     )
 
 
-def _nearest_equilibrium(model: AbstractDynamics, target: Coordinates) -> Float[np.ndarray, " n"]:
-    """A configuration near the target where some input stops all motion, by Newton's method."""
-    q = np.asarray(target, float)
+def _nearest_equilibrium(model: AbstractDynamics, target: Coordinates) -> Float[np.ndarray, " n"] | None:
+    """A configuration near the target where some input stops all motion, by Newton's method; None if it finds none."""
+    start = q = np.asarray(target, float)
     for _ in range(_NEWTON):
         at = as_array(q)
         A, B, hold = linearize(model, at)
-        q = q + _to_equilibrium(A, B, remaining_motion(model, at, as_array(hold)))
-    return q
+        motion = remaining_motion(model, at, as_array(hold))
+        if np.abs(motion).max() < _STILL:
+            return q
+        q = q + _to_equilibrium(A, B, motion)
+        if not np.abs(q - start).max() < _NEAR:
+            return None
+    return None
 
 
 def _to_equilibrium(

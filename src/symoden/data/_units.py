@@ -39,13 +39,11 @@ _ENDINGS: Final[Mapping[str, str]] = MappingProxyType(
         "degree": "deg",
         "degrees": "deg",
         "mm": "mm",
-        "cm": "cm",
         "rpm": "rpm",
         "deg_s": "deg/s",
         "deg_per_s": "deg/s",
         "dps": "deg/s",
         "mm_s": "mm/s",
-        "cm_s": "cm/s",
     }
 )
 _ENDING: Final = re.compile(rf"(?P<name>.*[^_])_(?P<unit>{'|'.join(_ENDINGS)})")

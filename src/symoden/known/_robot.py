@@ -35,6 +35,9 @@ class Body:
         origin: Frame of the joint at coordinate zero in that of the parent's, 4 × 4.
         inertia: Pseudo-inertia ∫ x xᵀ dm of (x, y, z, 1) in the frame of the joint, 4 × 4 [kg m², kg m, kg].
         drive: Inertia of its drive as seen at the joint [kg m², or kg]; None where nothing is known of it.
+
+    Raises:
+        ValueError: If the drive has no positive inertia.
     """
 
     joint: str
@@ -45,6 +48,11 @@ class Body:
     origin: Matrix
     inertia: Matrix
     drive: float | int | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a drive that cannot be."""
+        if self.drive is not None and not (np.isfinite(self.drive) and self.drive > 0):
+            raise ValueError(f"joint `{self.joint}`: its drive must have a positive inertia; got {self.drive:g}.")
 
 
 @dataclass(frozen=True, kw_only=True)

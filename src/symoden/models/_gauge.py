@@ -42,8 +42,8 @@ def rescale(model: Model, beta: float) -> Model:
     """Change the unit of momentum, p' = p/β, which leaves every prediction as it was.
 
     With it M⁻¹' = β M⁻¹, V' = V/β, g' = g/β and D' = D/β (in the paper's full D, the blocks on ∂H/∂q and ∂H/∂p
-    change by β and 1/β). Only given scales change; the weights stay. With β = learned g / true g, learned parts can
-    be held against true ones.
+    change by β and 1/β). Only given scales change, and what rigid bodies weigh; the weights
+    stay. With β = learned g / true g, learned parts can be held against true ones.
 
     Args:
         model: Model of velocity data.
@@ -81,9 +81,12 @@ def rescale(model: Model, beta: float) -> Model:
     if isinstance(model, UnstructuredModel):
         parts["energy"] = _with_momenta(model.energy, model.space.embedded_size, model.space.size, 1 / beta)
         parts["energy_scale"] = _times(model.energy_scale, 1 / beta)
-    else:
-        parts["potential"] = _block(model.potential, 1 / beta)
-    return dataclasses.replace(model, inverse_mass=inverse_mass, **parts)
+        return dataclasses.replace(model, inverse_mass=inverse_mass, **parts)
+    parameters = model.parameters
+    if parameters is not None and parameters.links is not None:
+        parameters = dataclasses.replace(parameters, links=parameters.links.times(1 / beta))
+    potential = _block(model.potential, 1 / beta)
+    return dataclasses.replace(model, inverse_mass=inverse_mass, potential=potential, parameters=parameters, **parts)
 
 
 def _times(known: Known, factor: float | np.ndarray) -> Known:
@@ -96,7 +99,9 @@ def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
     match block:
         case InverseBlock():
             return InverseBlock(_block(block.matrix, 1 / factor))
-        case FormulaBlock() | LinksBlock():
+        case LinksBlock():
+            return block  # The bodies take the factor.
+        case FormulaBlock():
             return dataclasses.replace(block, unit=_times(block.unit, factor))
         case KnownValue() | KnownFunction() | CorrectedBlock() | CorrectedMatrix():
             return _given(block, factor)

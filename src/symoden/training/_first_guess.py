@@ -27,7 +27,8 @@ from symoden.blocks import (
     Sum,
     ViscousFriction,
 )
-from symoden.models import StructuredModel, energies_are_given, given_parts
+from symoden.mechanics import AbstractDynamics
+from symoden.models import StructuredModel, energies_are_given, given_parts, parts_that_fix_the_scale, rescale
 from symoden.shapes import Coordinates, DissipationMatrix, Velocities
 
 from ._data import Data
@@ -38,8 +39,10 @@ _KNEE: Final = 0.03  # Of the typical velocity: about where dry friction sets in
 _CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
 _RIDGE: Final = 1e-3  # Beside what each number is known to: what nothing tells is zero.
 _STEPS: Final = 20
+_HALVINGS: Final = 6
 _SETTLED: Final = 1e-3  # Relative decrease of the loss.
 _SMALLEST_DRIVE: Final = 0.01  # Of the inertia that it begins with.
+_USUAL_DRIVE: Final = 30.0  # The same, one standard deviation: gears make large ones of small rotors.
 _LEAST_FRICTION: Final = 1e-3  # In natural units; a square of zero would have no slope.
 _WINDOWS: Final = 16  # At a time.
 
@@ -77,8 +80,7 @@ def guess(model: StructuredModel, data: Data) -> FirstGuess:
 
     In weak form the equations of motion are linear in all of these, but for the inertia that makes a velocity of an
     impulse. From zero, Gauss-Newton takes a handful of steps. Where nothing fixes the unit of inertia, energy and force
-    (currents for inputs), it becomes that of the links' weights in the file that describes them: drives are often in
-    none, and a g that began anywhere would take the weights along.
+    (currents for inputs), it becomes that of the links' weights in the file that describes them.
 
     Args:
         model: Model that `can_be_guessed`, in double precision.
@@ -93,6 +95,35 @@ def guess(model: StructuredModel, data: Data) -> FirstGuess:
     dry = _solved(_Unknowns(model, dry=True), data)
     one, other = (_driven(begin_with(model, found), found) for found in (dry, plain))
     return dry if data.compare(one, other, data.objective) < -_CHANCE else plain
+
+
+def as_heavy(model: AbstractDynamics, begun: AbstractDynamics, q: Float[np.ndarray, "k n"]) -> AbstractDynamics:
+    """Give a robot's weights their unit where nothing else does: V is as steep on the whole as it was in the file.
+
+    Drives, which are part of M, are often in none.
+
+    Args:
+        model: A learned model.
+        begun: The model that training began with.
+        q: Configurations.
+
+    Returns:
+        The equivalent model; itself where it is no robot, its scale is known, or it weighs nothing.
+    """
+    if not isinstance(model, StructuredModel) or not isinstance(begun, StructuredModel) or _links(model) is None:
+        return model
+    fixed = {"input_matrix", "dissipation_matrix"} & set(given_parts(model))  # Nearly right ones, too.
+    if model.momenta or fixed or parts_that_fix_the_scale(model):
+        return model
+    learned, first = (float(_steepness(each, jnp.asarray(q, float))) for each in (model, begun))
+    factor = learned / first if first > 0 else 0.0
+    return rescale(model, factor) if np.isfinite(factor) and factor > 0 else model
+
+
+@eqx.filter_jit
+def _steepness(model: StructuredModel, q: Float[Array, "k n"]) -> Float[Array, ""]:
+    """Root mean square of V's slope."""
+    return jnp.sqrt(jnp.mean(jax.vmap(jax.grad(model.potential_energy))(q) ** 2))
 
 
 def begin_with(model: StructuredModel, found: FirstGuess) -> StructuredModel:
@@ -130,6 +161,7 @@ class _Unknowns:
         counts = entries * _learns_inputs(model), n * rubs, n * (rubs and dry), n * (self._links is not None)
         self._ends = np.cumsum(counts)[:-1]
         self.least = np.repeat([-np.inf, 0.0, 0.0, _SMALLEST_DRIVE - 1], counts)
+        self.drives = counts[-1]
 
     def model(self, x: Float[Array, " k"]) -> StructuredModel:
         """The model with these numbers."""
@@ -166,22 +198,59 @@ class _Unknowns:
 
 
 def _solved(unknowns: _Unknowns, data: Data) -> FirstGuess:
-    """Gauss-Newton from zero, within the bounds."""
-    x, linear = np.zeros(len(unknowns.least)), _linearization(unknowns.model, data)
-    best, least = x, np.inf
+    """Gauss-Newton within the bounds, first with drives as they are: without any force nothing tells of an inertia."""
+    linear = _linearization(unknowns.model, data)
+    size = len(unknowns.least)
+    x = np.zeros(size)
+    for free in (size - unknowns.drives, size):
+        if free:
+            x = _descended(linear, x, unknowns.least, free=free, drives=unknowns.drives)
+    return unknowns.found(x)
+
+
+def _descended(
+    linear: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    x: Float[np.ndarray, " k"],
+    least: Float[np.ndarray, " k"],
+    *,
+    free: int,
+    drives: int,
+) -> Float[np.ndarray, " k"]:
+    """Steps as long as the first `free` numbers fit better by them; the last ones, drives, have a prior about zero.
+
+    Where nothing but a drive holds a joint, its inertia, inputs and friction are known up to a factor, which the prior
+    alone keeps.
+
+    Returns:
+        The numbers.
+    """
+    r, J = linear(x)
+    variance = float(np.mean(r**2))
+    prior = np.zeros(len(x))
     for _ in range(_STEPS):
-        r, J = linear(x)
-        loss = float(np.mean(r**2))
-        settled = not loss < (1 - _SETTLED) * least
-        best, least = (x, loss) if loss < least else (best, least)
-        if settled:
-            break
-        size = np.linalg.norm(J, axis=0)
+        columns = J[:, :free]
+        size = np.linalg.norm(columns, axis=0)
         size = np.where(size > 0, size, 1.0)
-        rows = np.concatenate([J / size, _RIDGE * np.eye(len(x))])
-        ahead = np.concatenate([J @ x - r, np.zeros(len(x))])
-        x = lsq_linear(rows, ahead, bounds=(unknowns.least * size, np.inf)).x / size
-    return unknowns.found(best)
+        size[len(x) - drives :] = 1.0
+        weights = np.full(free, _RIDGE)
+        weights[len(x) - drives :] = prior[len(x) - drives : free] = np.sqrt(variance) / _USUAL_DRIVE
+        rows = np.concatenate([columns / size, np.diag(weights)])
+        ahead = np.concatenate([columns @ x[:free] - r, np.zeros(free)])
+        step = np.zeros(len(x))
+        step[:free] = lsq_linear(rows, ahead, bounds=(least[:free] * size, np.inf)).x / size - x[:free]
+        before = float(np.sum(r**2) + np.sum((prior * x) ** 2))
+        for _ in range(_HALVINGS):
+            residuals, jacobian = linear(x + step)
+            after = float(np.sum(residuals**2) + np.sum((prior * (x + step)) ** 2))
+            if after < before:
+                break
+            step = step / 2
+        else:
+            return x
+        x, r, J, variance = x + step, residuals, jacobian, float(np.mean(residuals**2))
+        if after > (1 - _SETTLED) * before:
+            break
+    return x
 
 
 def _linearization(

@@ -11,6 +11,7 @@ from pathlib import Path
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL, count_parameters, trainable
 from symoden.data import DataError, Dataset, check_trainable
@@ -22,7 +23,7 @@ from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import hold_out, regression_data
 from ._ensemble import Ensemble, Pattern, check_members, train_members
-from ._first_guess import begin_with, can_be_guessed, guess
+from ._first_guess import as_heavy, begin_with, can_be_guessed, guess
 from ._flatten import cast, freed
 from ._gauss_newton import MOST_SOLVED
 from ._levenberg_stage import LevenbergStage
@@ -33,6 +34,7 @@ from ._stages import AbstractStage
 from ._state import Incumbent, TrainingState
 from ._weighing import Weighing
 
+_STATES = 512  # Where V's slope is looked at.
 _NOTHING = 1e3  # Loss relative to the motion, beyond which a model predicts nothing.
 
 
@@ -132,11 +134,12 @@ def fit(
     journal = Journal(folder=folder, origin=hashlib.sha256(told.encode()).hexdigest())
     precision = jnp.zeros(()).dtype  # The user's; inside, arrays have another.
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
+    watch = Stopwatch(max_minutes)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
         stages, state = _prepare(dataset, model, config)
+        begun = state.model
         counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
-        watch = Stopwatch(max_minutes)
         state, outcome, verdicts = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
         completed, ensemble = state.stage == len(stages), None
         state = _rated(stages, state, completed=completed)
@@ -146,6 +149,8 @@ def fit(
                 f"has a loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the "
                 "space of the data (`symoden data check`), or lower the learning rate."
             )
+        visited = np.concatenate([each.q for each in dataset.train])
+        state = state._replace(best=as_heavy(state.best, begun, visited[:: 1 + len(visited) // _STATES]))
         best = cast(state.best, precision)
         if folder is not None:
             save(folder / MODEL, best)

@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 from symoden.blocks import DIRECTIONS, FRICTION, count_parameters
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
-from symoden.models import energies_are_given
 
 from ._config import TrainingConfig
 from ._data import LOST, Data
@@ -235,8 +234,7 @@ class LevenbergStage(AbstractStage):
             The state after the step, and what the step did.
         """
         model = restore(state.theta)
-        pins = self.learns or energies_are_given(model)
-        pin = free_scale(model, restore, state.theta, self.data.train.q[:_STATES, 0]) if pins else None
+        pin = free_scale(model, restore, state.theta, self.data.train.q[:_STATES, 0]) if self.learns else None
         prior = Prior(
             priors.precisions(model, restore.corrections),
             mean,

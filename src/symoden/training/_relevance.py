@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from threadpoolctl import threadpool_limits
 
 from symoden.blocks import trainable
-from symoden.models import StructuredModel, energies_are_given, parts_that_fix_the_scale
+from symoden.models import StructuredModel, parts_that_fix_the_scale
 
 from ._gauss_newton import NormalEquations
 from ._level import LEAST_WINDOWS, independent_variance, is_sound
@@ -207,8 +207,6 @@ def free_scale(
     """How the parameters change the scale of the inertia, where data of velocities leave that open.
 
     Priors about zero would pull inertia, energy, actuation and friction to nothing together: no prediction changes.
-    Where M and V are given up to what they weigh, it is the scale of V: the weights of links are in the file that
-    describes them, and stay so on the whole, where the inertia of drives, which is part of M, is often in none.
 
     Args:
         model: Model.
@@ -217,41 +215,25 @@ def free_scale(
         q: Configurations.
 
     Returns:
-        Gradient of the logarithm of the mean trace of M, or of the mean square of V's slope; None where the scale is
-        known.
+        Gradient of the logarithm of the mean trace of M; None where the scale is known.
     """
     if not isinstance(model, StructuredModel) or model.momenta or parts_that_fix_the_scale(model):
         return None
-    if energies_are_given(model):
-        size, gradient = _slope(restore, theta, q)
-        if size > 0:
-            return np.asarray(gradient, float) / float(size)
-    return np.asarray(_inertia(restore, theta, q), float)
+
+    return np.asarray(_scale_gradient(restore, theta, q), float)
 
 
 @eqx.filter_jit
-def _inertia(
+def _scale_gradient(
     restore: Callable[[Float[Array, " P"]], PyTree], theta: Float[Array, " P"], q: Float[Array, "k n"]
 ) -> Float[Array, " P"]:
-    """Gradient of the logarithm of the mean trace of M."""
+    """`free_scale`, compiled."""
 
     def scale(theta: Float[Array, " P"]) -> Float[Array, ""]:
         matrices = jax.vmap(restore(theta).mass_matrix)(q)
         return jnp.log(jnp.mean(jnp.trace(matrices, axis1=1, axis2=2)))
 
     return jax.grad(scale)(theta)
-
-
-@eqx.filter_jit
-def _slope(
-    restore: Callable[[Float[Array, " P"]], PyTree], theta: Float[Array, " P"], q: Float[Array, "k n"]
-) -> tuple[Float[Array, ""], Float[Array, " P"]]:
-    """Mean square of V's slope, and its gradient."""
-
-    def scale(theta: Float[Array, " P"]) -> Float[Array, ""]:
-        return jnp.mean(jax.vmap(jax.grad(restore(theta).potential_energy))(q) ** 2)
-
-    return jax.value_and_grad(scale)(theta)
 
 
 def parameter_groups(shapes: Sequence[tuple[int, ...]]) -> Int[np.ndarray, " P"]:

@@ -75,7 +75,7 @@ class Stopwatch:
         now = time.monotonic() - self._started
         self._ends = [*self._ends[-2:], now]
         steps = [end - start for start, end in itertools.pairwise(self._ends)]
-        return self._limit is not None and now + (min(steps) if len(steps) > 1 else 0.0) > 60 * self._limit
+        return self._limit is not None and now + (min(steps) if len(steps) > 1 else 0.0) >= 60 * self._limit
 
     def outcome(self, left: Sequence[str]) -> str:
         """How training ended when it is.
