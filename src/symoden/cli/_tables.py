@@ -55,7 +55,7 @@ def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> I
         free = "" if found.units else factor
         yield TableText(f"identified parameters{free}", ("name", "value"), rows)
     names, space = (config.data.position_names, config.data.input_names), Space.parse(found.space)
-    along = [
+    profiles = [
         list(
             _profile_tables(
                 profile, certain and certain.profiles[i], *names, title=space.title(names[0][i], i), given=found.given
@@ -63,7 +63,7 @@ def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> I
         )
         for i, profile in enumerate(found.profiles)
     ]
-    yield from _without_repetition(along)
+    yield from _without_repetition(profiles)
     for k, along in enumerate(found.friction):
         i, band = along.coordinate, certain and certain.friction[k]
         columns = (along.coefficient, band and band.coefficient), (along.force, band and band.force)

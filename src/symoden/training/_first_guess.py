@@ -202,7 +202,7 @@ def _solved(unknowns: _Unknowns, data: Data) -> FirstGuess:
     linear = _linearization(unknowns.model, data)
     size = len(unknowns.least)
     x = np.zeros(size)
-    for free in (size - unknowns.drives, size):
+    for free in dict.fromkeys((size - unknowns.drives, size)):  # Once where there are none.
         if free:
             x = _descended(linear, x, unknowns.least, free=free, drives=unknowns.drives)
     return unknowns.found(x)

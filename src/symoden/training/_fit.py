@@ -143,12 +143,7 @@ def fit(
         state, outcome, verdicts = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
         completed, ensemble = state.stage == len(stages), None
         state = _rated(stages, state, completed=completed)
-        if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _NOTHING):
-            raise TrainingError(
-                "Training must find a model whose errors are finite and not far larger than the motion; the best one "
-                f"has a loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the "
-                "space of the data (`symoden data check`), or lower the learning rate."
-            )
+        _refuse_lost(state, config, completed=completed)
         visited = np.concatenate([each.q for each in dataset.train])
         state = state._replace(best=as_heavy(state.best, begun, visited[:: 1 + len(visited) // _STATES]))
         best = cast(state.best, precision)
@@ -174,6 +169,16 @@ def fit(
         ensemble=ensemble,
         verdicts=verdicts,
     )
+
+
+def _refuse_lost(state: TrainingState, config: TrainingConfig, *, completed: bool) -> None:
+    """Refuse a best model that predicts nothing."""
+    if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _NOTHING):
+        raise TrainingError(
+            "Training must find a model whose errors are finite and not far larger than the motion; the best one "
+            f"has a loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the "
+            "space of the data (`symoden data check`), or lower the learning rate."
+        )
 
 
 def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
