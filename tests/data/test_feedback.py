@@ -42,9 +42,23 @@ def test_a_constant_input_follows_nothing(tmp_path):
     [
         ("", "finds g larger than its band. .*: `input_matrix`, V under"),
         ("input_matrix = [[1, 0], [0, 1]]", "finds V and D larger than their bands. .*: V or D under"),
+        (
+            'input_matrix = [[1, 0], [0, 1]]\n[known]\npotential_energy = "cos(q1) + cos(q2)"',
+            "finds D larger than its band. .*: D under",
+        ),
+        (
+            '[known]\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]',
+            "finds g larger than its band. .*: `input_matrix`, V under",
+        ),
     ],
 )
 def test_what_to_do_about_it_depends_on_what_is_known(tmp_path, more, advice):
     path = written(tmp_path, driven(0.0), more=more)
     (one,) = [one for one in check_dataset(path).findings if one.kind == "feedback"]
     assert re.search(advice, one.advice)
+
+
+def test_nothing_is_confused_with_an_input_where_potential_and_friction_are_given(tmp_path):
+    known = '[known]\npotential_energy = "cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]'
+    findings = check_dataset(written(tmp_path, driven(0.0), more=known)).findings
+    assert "feedback" not in {one.kind for one in findings}

@@ -28,3 +28,14 @@ class Known(eqx.Module):
     def value(self) -> Float[Array, "..."]:
         """The array, cut off from differentiation."""
         return jax.lax.stop_gradient(self.array)
+
+    def times(self, factor: float | int | np.ndarray) -> "Known":
+        """The array multiplied, in its own precision.
+
+        Args:
+            factor: The factor, or one for each entry.
+
+        Returns:
+            The product.
+        """
+        return Known(self.array * jnp.asarray(factor, self.array.dtype))

@@ -1,6 +1,7 @@
 """Rigid bodies on joints as blocks: kinematics are given, what the bodies weigh is learned once for M and V."""
 
 import dataclasses
+import math
 from typing import Final, final
 
 import equinox as eqx
@@ -124,11 +125,7 @@ class Links(eqx.Module):
         Returns:
             The bodies.
         """
-        roots, rotors = (
-            Known(known.array * jnp.asarray(each, known.array.dtype))
-            for known, each in ((self.roots, np.sqrt(factor)), (self.rotors, factor))
-        )
-        return dataclasses.replace(self, roots=roots, rotors=rotors)
+        return dataclasses.replace(self, roots=self.roots.times(math.sqrt(factor)), rotors=self.rotors.times(factor))
 
     @property
     def quantities(self) -> dict[str, Array]:

@@ -10,15 +10,16 @@ from ._regression import unseen_residuals
 
 _FOLLOWS: Final = 0.8  # Share of an input's variance; 0.87 on a measured ball on a beam whose input training lost.
 _CONSTANT: Final = 1e-12  # Variance that is rounding, relative to the mean square.
+_CONFUSED: Final = {"V": "potential_energy", "D": "dissipation_matrix"}  # What may do the same as such an input.
 _MANY: Final = 5  # Samples for each number of the regression.
 
 
 def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     """Say which inputs are nearly a function of positions and velocities.
 
-    What such an input does cannot be told from what a spring or a damper does: a model may explain the motion without
-    it. A regression on 1, q and q² (of angles cosine and sine) and velocities sees most controllers. Every other
-    stretch is predicted from the rest: in a short, smooth motion anything follows anything.
+    What such an input does cannot be told from what a spring or a damper does, unless both are given: a model may
+    explain the motion without it. A regression on 1, q and q² (of angles cosine and sine) and velocities sees most
+    controllers. Every other stretch is predicted from the rest: in a short, smooth motion anything follows anything.
 
     Args:
         dataset: Recordings as training sees them.
@@ -27,7 +28,9 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     Returns:
         One finding, or none.
     """
-    if not dataset.train or not dataset.inputs:
+    given = () if dataset.known is None else dataset.known.given
+    confused = [letter for letter, part in _CONFUSED.items() if part not in given]
+    if not dataset.train or not dataset.inputs or not confused:
         return []
     q, rates, us = (np.concatenate([getattr(each, name) for each in dataset.train]) for name in ("q", "rates", "us"))
     where = np.where(is_angle, np.cos(q), q), np.where(is_angle, np.sin(q), q**2)
@@ -41,8 +44,10 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     follows = np.flatnonzero(share > _FOLLOWS)
     if not len(follows):
         return []
-    known = dataset.input_matrix is not None or (dataset.known is not None and dataset.known.input_matrix is not None)
-    part, more = ("V and D", "V or D") if known else ("g", "`input_matrix`, V")
+    acts = dataset.input_matrix is not None or "input_matrix" in given
+    part = " and ".join(confused) if acts else "g"
+    plural = acts and len(confused) > 1
+    more = " or ".join(confused) if acts else ", ".join(["`input_matrix`", *confused[:1]])
     named = ", ".join(f"`{dataset.input_names[i]}` to {share[i]:.0%}" for i in follows)
     return [
         Finding(
@@ -52,7 +57,7 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             text=f"in [train] positions and velocities tell {named}: by feedback, slow motion, or a single frequency. "
             "What these inputs do may not be told from springs and dampers",
             advice=f"Look after training whether `symoden inspect` finds {part} larger than "
-            f"{'their bands' if known else 'its band'}. If not, record with a signal of its own on top (steps, a "
+            f"{'their bands' if plural else 'its band'}. If not, record with a signal of its own on top (steps, a "
             f"chirp, noise), or give what is known: {more} under [known].",
         )
     ]

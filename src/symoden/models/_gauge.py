@@ -4,7 +4,6 @@ import dataclasses
 import math
 from typing import TypeVar, cast
 
-import jax.numpy as jnp
 import numpy as np
 
 from symoden.blocks import (
@@ -19,7 +18,6 @@ from symoden.blocks import (
     GramBlock,
     InverseBlock,
     JointFriction,
-    Known,
     KnownFriction,
     KnownFunction,
     KnownValue,
@@ -74,24 +72,19 @@ def rescale(model: Model, beta: float) -> Model:
     inverse_mass = _block(cast("AbstractBlock", model.inverse_mass), beta)
     if isinstance(model, GeometricModel):
         n = model.space.size
-        scale = _times(model.scale, np.repeat([1.0, 1 / beta], n))
+        scale = model.scale.times(np.repeat([1.0, 1 / beta], n))
         flow = _with_momenta(model.flow, model.space.embedded_size, n, 1 / beta)
         return dataclasses.replace(model, inverse_mass=inverse_mass, flow=flow, scale=scale)
     parts = {"actuation": _block(model.actuation, 1 / beta), "friction": _friction(model.friction, model, beta)}
     if isinstance(model, UnstructuredModel):
         parts["energy"] = _with_momenta(model.energy, model.space.embedded_size, model.space.size, 1 / beta)
-        parts["energy_scale"] = _times(model.energy_scale, 1 / beta)
+        parts["energy_scale"] = model.energy_scale.times(1 / beta)
         return dataclasses.replace(model, inverse_mass=inverse_mass, **parts)
     parameters = model.parameters
     if parameters is not None and parameters.links is not None:
         parameters = dataclasses.replace(parameters, links=parameters.links.times(1 / beta))
     potential = _block(model.potential, 1 / beta)
     return dataclasses.replace(model, inverse_mass=inverse_mass, potential=potential, parameters=parameters, **parts)
-
-
-def _times(known: Known, factor: float | np.ndarray) -> Known:
-    """Scale a given array, in its own precision."""
-    return Known(known.array * jnp.asarray(factor, known.array.dtype))
 
 
 def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
@@ -102,13 +95,13 @@ def _block(block: AbstractBlock, factor: float) -> AbstractBlock:
         case LinksBlock():
             return block  # The bodies take the factor.
         case FormulaBlock():
-            return dataclasses.replace(block, unit=_times(block.unit, factor))
+            return dataclasses.replace(block, unit=block.unit.times(factor))
         case KnownValue() | KnownFunction() | CorrectedBlock() | CorrectedMatrix():
             return _given(block, factor)
         case CholeskyBlock() | GramBlock():
-            return dataclasses.replace(block, scale=_times(block.scale, math.sqrt(factor)))
+            return dataclasses.replace(block, scale=block.scale.times(math.sqrt(factor)))
         case ScalarBlock() | MatrixBlock():
-            return dataclasses.replace(block, scale=_times(block.scale, factor))
+            return dataclasses.replace(block, scale=block.scale.times(factor))
     raise ValueError(f"Every block must be one of `symoden.blocks`; got {type(block).__name__}. Scale it yourself.")
 
 
@@ -116,7 +109,7 @@ def _given(block: KnownValue | KnownFunction | CorrectedBlock | CorrectedMatrix,
     """Scale a field that was given."""
     match block:
         case KnownValue():
-            return KnownValue(_times(block.value, factor))
+            return KnownValue(block.value.times(factor))
         case KnownFunction():
             function = block.function
             return KnownFunction(lambda q: factor * function(q))
@@ -134,10 +127,10 @@ def _friction(friction: AbstractFriction, model: StructuredModel | UnstructuredM
         case FormulaFriction() | KnownFriction() | CorrectedFriction():
             return _given_friction(friction, model, beta)
         case JointFriction():
-            return dataclasses.replace(friction, scale=_times(friction.scale, beta**-0.5))
+            return dataclasses.replace(friction, scale=friction.scale.times(beta**-0.5))
         case ViscousFriction(matrix=CholeskyBlock() as matrix) if len(matrix.scale.array) == 2 * model.space.size:
             halves = np.repeat([beta**0.5, beta**-0.5], model.space.size)
-            return ViscousFriction(dataclasses.replace(matrix, scale=_times(matrix.scale, halves)))
+            return ViscousFriction(dataclasses.replace(matrix, scale=matrix.scale.times(halves)))
         case ViscousFriction():
             return ViscousFriction(_block(friction.matrix, 1 / beta))
     raise ValueError(f"Friction must be one of `symoden.blocks`; got {type(friction).__name__}. Scale it yourself.")
@@ -151,7 +144,7 @@ def _given_friction(
     """Scale friction that was given."""
     match friction:
         case FormulaFriction():
-            return dataclasses.replace(friction, unit=_times(friction.unit, 1 / beta))
+            return dataclasses.replace(friction, unit=friction.unit.times(1 / beta))
         case KnownFriction():
             function = friction.function
             return KnownFriction(lambda q, v: function(q, v) / beta)
@@ -163,4 +156,4 @@ def _with_momenta(network: Perceptron, start: int, size: int, factor: float) -> 
     """Let a network read momenta of another unit, which stand after `start` in its input."""
     factors = np.ones(len(network.scale.array))
     factors[start : start + size] = factor
-    return dataclasses.replace(network, center=_times(network.center, factors), scale=_times(network.scale, factors))
+    return dataclasses.replace(network, center=network.center.times(factors), scale=network.scale.times(factors))
