@@ -91,7 +91,7 @@ def test_what_networks_learned_is_fitted_to_all_recordings_then(count):
 def rivalry(pendulum, small, quick, monkeypatch):
     """What networks must improve on, fitted; the stage of that and of networks, and the state before and after it."""
     monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 0.0)
-    stages, before = _prepare(pendulum(count=6), small, dataclasses.replace(quick, growth_steps=3))
+    stages, before = _prepare(pendulum(count=6), small, dataclasses.replace(quick, growth_steps=3))[:2]
     rival: Any = stages[-3]
     before = before._replace(best_loss=1.0)
     state, report = rival.start(before), None

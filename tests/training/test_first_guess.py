@@ -65,10 +65,17 @@ def test_it_is_that_of_the_recordings_in_the_unit_of_the_weights(mixed, plain, q
         assert found.viscous == pytest.approx(np.full(3, weight * 0.1), rel=0.1)
 
 
-def test_training_begins_with_it(mixed, plain, quick):
+def test_training_begins_with_it_and_says_how_far_it_is(mixed, plain, quick):
     asks = dataclasses.replace(plain, actuation=BlockConfig(hidden=(3,), constant=True))
+    steps: Any = []
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):
-        begun: Any = _prepare(dataclasses.replace(mixed, known=known(1.0)), asks, quick)[1].model
+        described = dataclasses.replace(mixed, known=known(1.0))
+        begun: Any = _prepare(described, asks, quick, lambda *step: steps.append(step))[1].model
+    taken, most, losses = zip(*steps, strict=True)
+    assert taken == tuple(range(1, len(steps) + 1))
+    assert set(most) == {most[0]}
+    assert most[0] >= len(steps)
+    assert losses[-1] <= losses[0]
     q = np.random.default_rng(0).normal(size=3)
     assert np.asarray(begun.input_matrix(q)) == pytest.approx(MIXED, abs=0.1)
 

@@ -189,7 +189,7 @@ def test_the_global_precision_is_left_alone_and_followed(pendulum, small, quick)
 
 def test_validation_windows_are_no_training_windows(pendulum, small, quick):
     for count in (2, 12):
-        stages, _ = _prepare(pendulum(count=count), small, quick)
+        stages, _ = _prepare(pendulum(count=count), small, quick)[:2]
         stage: Any
         for stage in stages:
             if stage.data.validation is None:  # Too short for a bump.
@@ -222,7 +222,7 @@ def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they
 def test_of_long_logs_windows_that_are_spaced_evenly_are_predicted(pendulum, small, quick):
     def windows(most):
         config = dataclasses.replace(quick, lm_samples=most)
-        stages, _ = _prepare(pendulum(samples=100, count=4), small, config)
+        stages, _ = _prepare(pendulum(samples=100, count=4), small, config)[:2]
         stage: Any = next(stage for stage in stages if stage.name == "levenberg-marquardt")
         return stage.data
 

@@ -60,10 +60,10 @@ def test_a_part_that_is_nearly_right_is_corrected_in_the_growth_stage(pendulum):
     nearly = EXACT | {"potential_energy": f"-{0.8 * LOAD}*cos(q1)", "correct": ("potential_energy",)}
     dataset = knowing(pendulum(count=4), **nearly, constants={"J": INERTIA, "d": 0.2})
     config = dataclasses.replace(STEPS, validation=0.25, growth_steps=6, adam_steps=5)
-    stages, state = _prepare(dataset, MODEL, config)
+    stages, state = _prepare(dataset, MODEL, config)[:2]
     assert [stage.name for stage in stages] == ["growth"]  # Nothing else is free.
     long = dataclasses.replace(dataset, train=pendulum(count=12, samples=200).train)
-    stages, _ = _prepare(long, MODEL, dataclasses.replace(config, lm_horizon=None))
+    stages, _ = _prepare(long, MODEL, dataclasses.replace(config, lm_horizon=None))[:2]
     assert [stage.name for stage in stages] == ["growth"]  # Nor in longer windows.
     before: Any = state.model
     after: Any = fit(dataset, model=MODEL, config=config).model

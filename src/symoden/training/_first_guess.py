@@ -1,6 +1,7 @@
 """What training begins with where M and V are given: inputs, drives and friction that a regression finds by itself."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 from typing import Final, NamedTuple, TypeGuard
 
@@ -75,7 +76,12 @@ def can_be_guessed(model: StructuredModel) -> bool:
     return not model.momenta and energies_are_given(model) and (_learns_inputs(model) or _links(model) is not None)
 
 
-def guess(model: StructuredModel, data: Data) -> FirstGuess:
+def silent(step: int, steps: int, loss: float) -> None:
+    """Report nothing."""
+    del step, steps, loss
+
+
+def guess(model: StructuredModel, data: Data, progress: Callable[[int, int, float], None] = silent) -> FirstGuess:
     """Find the g, drives and friction that explain the recordings best with M and V as they are given.
 
     In weak form the equations of motion are linear in all of these, but for the inertia that makes a velocity of an
@@ -85,14 +91,20 @@ def guess(model: StructuredModel, data: Data) -> FirstGuess:
     Args:
         model: Model that `can_be_guessed`, in double precision.
         data: Windows for the weak form.
+        progress: Called after every step with how many there have been, how many there are at most, and the loss.
 
     Returns:
         The numbers.
     """
-    plain = _solved(_Unknowns(model, dry=False), data)
+    taken = itertools.count(1)
+
+    def report(loss: float) -> None:
+        progress(next(taken), 4 * _STEPS, loss)  # Without and with dry friction, each with drives as they are and free.
+
+    plain = _solved(_Unknowns(model, dry=False), data, report)
     if plain.viscous is None or not _has_laws(model.friction):
         return plain
-    dry = _solved(_Unknowns(model, dry=True), data)
+    dry = _solved(_Unknowns(model, dry=True), data, report)
     one, other = (_driven(begin_with(model, found), found) for found in (dry, plain))
     return dry if data.compare(one, other, data.objective) < -_CHANCE else plain
 
@@ -197,14 +209,14 @@ class _Unknowns:
         )
 
 
-def _solved(unknowns: _Unknowns, data: Data) -> FirstGuess:
+def _solved(unknowns: _Unknowns, data: Data, report: Callable[[float], None]) -> FirstGuess:
     """Gauss-Newton within the bounds, first with drives as they are: without any force nothing tells of an inertia."""
     linear = _linearization(unknowns.model, data)
     size = len(unknowns.least)
     x = np.zeros(size)
     for free in dict.fromkeys((size - unknowns.drives, size)):  # Once where there are none.
         if free:
-            x = _descended(linear, x, unknowns.least, free=free, drives=unknowns.drives)
+            x = _descended(linear, x, unknowns.least, report, free=free, drives=unknowns.drives)
     return unknowns.found(x)
 
 
@@ -212,6 +224,7 @@ def _descended(
     linear: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
     x: Float[np.ndarray, " k"],
     least: Float[np.ndarray, " k"],
+    report: Callable[[float], None],
     *,
     free: int,
     drives: int,
@@ -248,6 +261,7 @@ def _descended(
         else:
             return x
         x, r, J, variance = x + step, residuals, jacobian, float(np.mean(residuals**2))
+        report(variance)
         if after > (1 - _SETTLED) * before:
             break
     return x

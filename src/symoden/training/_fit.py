@@ -23,7 +23,7 @@ from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import hold_out, regression_data
 from ._ensemble import Ensemble, Pattern, check_members, train_members
-from ._first_guess import as_heavy, begin_with, can_be_guessed, guess
+from ._first_guess import as_heavy, begin_with, can_be_guessed, guess, silent
 from ._flatten import cast, freed
 from ._gauss_newton import MOST_SOLVED
 from ._levenberg_stage import LevenbergStage
@@ -136,7 +136,11 @@ def fit(
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
     watch = Stopwatch(max_minutes)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
-        stages, state = _prepare(dataset, model, config)
+
+        def guessing(step: int, steps: int, loss: float) -> None:
+            progress(Progress("first guess", step, steps, loss, None, watch.seconds))
+
+        stages, state, fresh = _prepare(dataset, model, config, guessing)
         begun = state.model
         counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
@@ -150,7 +154,7 @@ def fit(
         if folder is not None:
             save(folder / MODEL, best)
         if members and completed:
-            pattern = _pattern(stages, state, _builder(hold_out(dataset, config), model, config), config)
+            pattern = _pattern(stages, state, fresh, config)
             ensemble = train_members(
                 pattern, members, path=journal.ensemble, resume=resume, watch=watch, progress=progress
             )
@@ -181,13 +185,15 @@ def _refuse_lost(state: TrainingState, config: TrainingConfig, *, completed: boo
         )
 
 
-def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tuple[list[AbstractStage], TrainingState]:
-    """Split the recordings, build the model, and line up the stages."""
+def _prepare(
+    dataset: Dataset, model: ModelConfig, config: TrainingConfig, guessing: Callable[[int, int, float], None] = silent
+) -> tuple[list[AbstractStage], TrainingState, Callable[..., AbstractDynamics]]:
+    """Split the recordings, and line up the stages, the state before them, and what makes untrained models."""
     if not dataset.train:
         raise DataError(f"`{dataset.name}`: training must have recordings in `train`; got none.")
     check_trainable(dataset)
     dataset = hold_out(dataset, config)
-    fresh = _builder(dataset, model, config)
+    fresh = _builder(dataset, model, config, guessing)
     dynamics = fresh(0)
     restarts = config.restarts if config.adam_steps else 0
     candidates = [fresh(number, awake=number > 0) for number in range(restarts)]  # First a V that is a polynomial.
@@ -218,7 +224,7 @@ def _prepare(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> tu
         stale=0,
         incumbent=Incumbent(dynamics, None, 0, weighing, rival=dynamics),
     )
-    return stages, state
+    return stages, state, fresh
 
 
 def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: bool) -> TrainingState:
@@ -241,7 +247,9 @@ def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: 
     return state._replace(best_loss=rated.best_loss, substeps=rated.substeps)
 
 
-def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:
+def _builder(
+    dataset: Dataset, model: ModelConfig, config: TrainingConfig, guessing: Callable[[int, int, float], None]
+) -> Callable[..., AbstractDynamics]:
     """What makes untrained models from the number of a draw, networks of V awake or not (see `awaken`)."""
     draw = _drawing(dataset, model, config)
     untouched = draw(0)
@@ -250,7 +258,7 @@ def _builder(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Ca
     windows = regression_data(dataset, untouched, config) if can_be_guessed(untouched) else None
     if windows is None:
         return draw
-    first = guess(cast(untouched, jnp.float64), windows)
+    first = guess(cast(untouched, jnp.float64), windows, guessing)
     known = dataset.known
     if first.drives is not None and known is not None and known.robot is not None:
         # Natural units follow: those of a wrist whose drive outweighs it are not those of its weight.
