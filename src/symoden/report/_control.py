@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from symoden.control import Tracking
 from symoden.experiments import ControlResult
 
-from ._style import COLOURS, EDGE, INK, LABEL, tidy
+from ._style import COLOURS, EDGE, INK, LABEL, tidy, wrapped
 
 _LINES: Final = 30  # episodes that are drawn
 _POINTS: Final = 1500
 _SIZE: Final = (9.0, 6.5)
+_PANEL: Final = 1.6  # Least height of one.
 _FLOOR: Final = 1e-8
 
 
@@ -30,23 +31,24 @@ def draw_control(result: ControlResult, *, names: tuple[Sequence[str], Sequence[
         The figure.
     """
     positions, inputs = names
-    figure = Figure(figsize=_SIZE, layout="constrained")
     space = result.machine.system.space
     units = ["rad" if angle else "m" for angle in space.is_angle]
     panels = [(f"{name} [{unit}]", i) for i, (name, unit) in enumerate(zip(positions, units, strict=True))]
-    axes = figure.subplots(len(panels) + len(inputs) + 1, 1, sharex=True)
+    count = len(panels) + len(inputs) + 1
+    figure = Figure(figsize=(_SIZE[0], max(_SIZE[1], count * _PANEL)), layout="constrained")
+    axes = figure.subplots(count, 1, sharex=True)
     ts = np.asarray(result.episodes.ts[0])
     for ax, (label, i) in zip(axes, panels, strict=False):
         q = np.asarray(result.episodes.q)[:, :, i]
         plot_episodes(ts, _towards(q, result.machine.target[i]) if space.is_angle[i] else q, result, ax=ax)
         if not isinstance(result.controller, Tracking):
             ax.axhline(result.machine.target[i], **EDGE)
-        ax.set_ylabel(label, fontsize=LABEL)
+        ax.set_ylabel(wrapped(label), fontsize=LABEL)
     for ax, (j, name) in zip(axes[len(panels) :], enumerate(inputs), strict=False):
         plot_episodes(ts, np.asarray(result.episodes.u)[:, :, j], result, ax=ax)
         for sign in (-1, 1):
             ax.axhline(sign * result.limits[j], **EDGE)
-        ax.set_ylabel(name, fontsize=LABEL)
+        ax.set_ylabel(wrapped(name), fontsize=LABEL)
     plot_episodes(ts, np.maximum(result.energy, _FLOOR), result, ax=axes[-1])
     axes[-1].set_yscale("log")
     axes[-1].set_ylabel("desired energy", fontsize=LABEL)
