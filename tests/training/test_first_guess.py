@@ -16,8 +16,9 @@ from symoden.systems import LinkChain, Pendulum
 from symoden.training._data import hold_out, regression_data
 from symoden.training._first_guess import FirstGuess, as_heavy, begin_with, can_be_guessed, guess
 from symoden.training._fit import _prepare
-from symoden.training._flatten import cast, freed
+from symoden.training._flatten import Flattening, cast, freed
 from symoden.training._line_up import line_up
+from symoden.training._relevance import Relevance
 
 CHAIN = LinkChain.of_rods(3, mass=0.5, length=0.4, damping=0.1)  # Of the recordings.
 VISCOUS = np.array([0.3, 0.2, 5.0])
@@ -183,6 +184,9 @@ def test_dry_friction_is_there_from_the_start_where_validation_asks_for_it(drive
         q, fast = jnp.zeros(1), jnp.array([3.0])
         assert np.asarray(begun.dissipation_matrix(q, fast) @ fast) == pytest.approx([0.9 + dry], rel=0.1)
         assert freed(begun) == FRICTION
+        _, laws = Flattening.of(begun, corrections=FRICTION)
+        pulled = Relevance.start(begun, 1.0).precisions(begun, FRICTION) * np.asarray(laws) ** 2
+        assert pulled.max() < 10 < np.max(np.asarray(laws) ** 2)  # Else the first step undoes it.
     else:  # On exact data a billionth of it is a clear gain.
         assert found.dry is None or found.dry[0] < 1e-6
 

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -165,6 +166,18 @@ def test_priors_are_in_the_order_of_the_parameters_of_every_kind(small):
         sizes.append(theta.size)
         assert start.precisions(model, corrections).tolist() == [2.0] * theta.size
     assert sizes == sorted(set(sizes))
+
+
+@pytest.mark.parametrize("size", [0.0, 0.5, 150.0, np.inf, np.nan])
+def test_priors_are_as_wide_as_laws_of_friction_that_training_begins_with(small, size):
+    model = build(dataclasses.replace(small, knees=(0.1,)), Space.parse("T2"), 2, key=jax.random.key(0))
+    closed = Relevance.start(model, 2.0).precision
+    laws = jax.tree.map(lambda x: jnp.full_like(x, size), model.friction.laws)
+    found = Relevance.start(eqx.tree_at(lambda model: model.friction.laws, model, laws), 2.0).precision
+    (precision,) = jax.tree.leaves(found.friction.laws)
+    assert precision.tolist() == [2.0 / max(1.0, size**2) if size < np.inf else {np.inf: 0.0}.get(size, 2.0)] * 6
+    others = (eqx.tree_at(lambda tree: tree.friction.laws, tree, None) for tree in (found, closed))
+    assert eqx.tree_equal(*others)
 
 
 @pytest.mark.parametrize("prior", [0.0, 2.0])

@@ -12,7 +12,7 @@ import scipy.linalg
 from jaxtyping import Array, Float, Int, PyTree
 from threadpoolctl import threadpool_limits
 
-from symoden.blocks import trainable
+from symoden.blocks import FRICTION, Correction, trainable
 from symoden.models import StructuredModel, parts_that_fix_the_scale
 
 from ._gauss_newton import NormalEquations
@@ -43,7 +43,10 @@ class Relevance(NamedTuple):
 
     @classmethod
     def start(cls, model: PyTree, prior: float) -> "Relevance":
-        """Priors of equal width before anything is known.
+        """Priors of equal width before anything is known, but no narrower than laws of friction that were guessed.
+
+        At a narrow knee a law of usual force has a coefficient of a hundred. Pulled at as if it were of the order of 1,
+        the guess would be undone before priors are learned.
 
         Args:
             model: Model.
@@ -52,8 +55,15 @@ class Relevance(NamedTuple):
         Returns:
             The priors.
         """
+
+        def precision(node: PyTree) -> PyTree:
+            guessed = float(isinstance(node, Correction) and node.kind == FRICTION)
+            return jax.tree.map(
+                lambda x: jax.device_put(prior / np.fmax(1.0, guessed * np.asarray(x, float) ** 2)), node
+            )
+
         free = eqx.filter(model, trainable(model))
-        precision = jax.tree.map(lambda x: jax.device_put(np.full(x.shape, prior, float)), free)
+        precision = jax.tree.map(precision, free, is_leaf=lambda node: isinstance(node, Correction))
         return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float))
 
     def unrecorded(self) -> "Relevance":
