@@ -36,6 +36,25 @@ def test_what_is_not_rounded_has_no_step(seed):
         assert quantum(signal) == 0
 
 
+@given(
+    lag=st.floats(0.005, 0.1),
+    seconds=st.floats(0.3, 3.0),
+    rest=st.floats(0.0, 0.1),
+    strokes=st.integers(1, 4),
+    resolution=st.sampled_from([0.0, 1.5e-5]),
+)
+def test_a_steady_motion_is_not_rounded_to_what_it_moves_in_a_sample(lag, seconds, rest, strokes, resolution):
+    """A motor whose voltage is switched on, off and round."""
+    step = 0.005
+    v, volts = [0.0] * round(rest / step), [1.0 if k % 2 else -1.0 for k in range(1, strokes + 1)]
+    for volt in np.repeat(volts, round(seconds / step)):
+        v.append(v[-1] + (volt - v[-1]) * (1 - np.exp(-step / lag)) if v else 0.0)
+    signal = 0.36 * step * np.cumsum(v)
+    if resolution:
+        signal = resolution * np.round(signal / resolution)
+    assert quantum(signal) <= resolution * (1 + 1e-6)
+
+
 @given(seed=st.integers(0, 1000), sigma=st.floats(1e-4, 0.1))
 def test_noise_is_measured_on_a_moving_signal_at_uneven_times(seed, sigma):
     ts = uneven(seed)

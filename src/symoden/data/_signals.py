@@ -9,9 +9,9 @@ from ._shapes import Times
 _ORDER: Final = 5
 _SIGMA: Final = 1.4826  # standard deviation of a Gaussian over the median of its absolute value
 _MODES, _PARTS, _RECURS = 5, 6, 0.003
-_ON_GRID, _NEAR, _TINY = 0.85, 0.1, 1e-3
+_ON_GRID, _ON_GRID_TOO, _NEAR, _TINY = 0.85, 0.6, 0.1, 1e-3
 _LEAST_CHANGES = 0.01  # share of the samples; a staircase changes more seldom, and is no rounding
-_MOST_ALIKE = 0.99  # share of changes by the same multiple; those of a ramp are all alike
+_MOST_ALIKE = 0.9  # share of changes by the same multiple; those of a ramp are all alike
 _LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
 _EQUAL: Final = 1e-9  # of the signal's range: changes that are no more are errors of floats
 _USUAL: Final = 0.95  # share of the steps that are at most a usual one
@@ -76,7 +76,8 @@ def quantum(signal: np.ndarray) -> float:
     """Step to whose multiples a signal is rounded.
 
     It is the largest number, among the commonest changes from sample to sample, the smallest that recurs and whole
-    fractions of them, of which 85 % of all changes are multiples.
+    fractions of them, of which 85 % of all changes are multiples, and most of those that are not the commonest one. By
+    the same from sample to sample changes what moves steadily, too, but by anything where it sets off.
 
     Args:
         signal: Consecutive samples.
@@ -99,8 +100,9 @@ def quantum(signal: np.ndarray) -> float:
         near = (np.abs(whole - np.round(whole)) < _NEAR) & (np.round(whole) >= 1)
         if near.mean() < _ON_GRID:
             continue
-        _, alike = np.unique(np.round(np.diff(signal) / step), return_counts=True)
-        if alike.max() <= _MOST_ALIKE * alike.sum():
+        multiples, alike = np.unique(np.round(whole[near]), return_counts=True)
+        others = near[~near | (np.round(whole) != multiples[np.argmax(alike)])]
+        if alike.max() <= _MOST_ALIKE * len(signal) and others.sum() >= _ON_GRID_TOO * len(others):
             return step
     return 0.0
 
