@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from symoden.cli._scores import by_heart, poor, share_of_motion
+from symoden.cli._scores import by_heart, diverging, poor, share_of_motion
 from symoden.experiments import MotionScore, RecordingScore, WindowScore
 
 
@@ -36,6 +36,18 @@ def test_predictions_that_are_hardly_better_than_standing_still_are_called_so(re
     words = poor(recordings)
     assert bool(words) == is_poor
     assert not is_poor or "hardly better than standing still" in words
+
+
+def test_the_length_of_windows_is_named():
+    short = recording(0.6, 1.0)
+    short = dataclasses.replace(short, window_rmse=dataclasses.replace(short.window_rmse, horizon_s=0.2))
+    assert poor([short]).startswith("over 0.2 s predictions are off by 0.6")
+
+
+def test_rollouts_of_whole_recordings_that_diverge_are_named():
+    lost = dataclasses.replace(recording(0.1, 1.0, "lost"), rollout_rmse=math.inf)
+    assert diverging([recording(0.1, 1.0)]) == ""
+    assert diverging([recording(0.1, 1.0), lost]).startswith("one rollout over the whole of `lost` diverges.")
 
 
 @pytest.mark.parametrize(

@@ -213,6 +213,22 @@ def test_recordings_shorter_than_a_window_are_judged_and_drawn_as_a_whole(traine
     assert window.ts == pytest.approx(recording.ts)
 
 
+def test_no_band_covers_what_diverges(trained):
+    result, dataset = trained
+    held = hold_out(dataset, STEPS)
+    bands = calibrate_bands(infer_posterior(result.model, dataset, STEPS), held, solver=RK4(2))
+    calm = held.test[0]
+    us = np.where(np.arange(len(calm)) < len(calm) // 2, 0.0, 1e300)[:, None] * np.ones_like(calm.us)
+    wild = dataclasses.replace(calm, name="wild", us=us)
+    (error, _, _), lost = bands.along([calm, wild])
+    alone = score_bands(bands, [calm]).coverage
+    assert lost > 0
+    assert len(error) + lost == sum(
+        stop - start - 1 for one in (calm, wild) for start, stop in _bands.judged_windows(one)
+    )
+    assert score_bands(bands, [calm, wild]).coverage <= alone * len(error) / (len(error) + lost) + 1e-9 < alone
+
+
 def test_bands_look_at_some_windows_of_long_logs_that_are_spaced_evenly(monkeypatch):
     ts = np.linspace(0.0, 10.0, 201)
     rest = np.zeros((len(ts), 1))

@@ -229,11 +229,24 @@ def test_inputs_are_held_as_the_data_say():
     assert np.abs(held - joined).max() > 1e-3
 
 
-def test_too_short_a_recording_has_no_window():
-    recording = recorded(0.05 * np.arange(20))
-    (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(1))
-    assert np.isnan([score.window_rmse.median, score.motion]).all()
-    assert np.isfinite(score.rollout_rmse)
+@pytest.mark.parametrize(
+    ("seconds", "others", "horizon"),
+    [(0.95, 3.0, 0.5), (0.5, 3.0, 0.5), (0.45, 0.3, 0.2), (0.1, 0.95, 0.1), (0.06, 0.3, 0.05), (1.0, 3.0, 1.0)],
+)
+def test_windows_are_as_short_as_a_part_whose_recordings_all_are_asks_for(seconds, others, horizon):
+    trained, tested = (recorded(np.linspace(0.0, each, 97)) for each in (others, seconds))
+    tiny = recorded(np.linspace(0.0, 0.02, 9))
+    dataset = Dataset(name="d", space="T1", train=(tiny, trained, trained), test=(tested,))
+    tiny, _, *scores = score_recordings(Pendulum(), dataset, solver=RK4(1))
+    assert np.isnan([tiny.window_rmse.median, tiny.motion]).all()
+    assert np.isfinite(tiny.rollout_rmse)
+    for score, recording in zip(scores, (trained, tested), strict=True):
+        assert score.window_rmse.horizon_s == pytest.approx(horizon)
+        stop = int(np.searchsorted(recording.ts, horizon + 1e-9))
+        starts = np.searchsorted(recording.ts, np.arange(0.0, recording.duration - horizon + 1e-9, horizon / 4) - 1e-9)
+        starts = starts[recording.ts[starts] + horizon <= recording.ts[-1] + 1e-9]
+        errors = [np.sqrt(np.mean(written_out(Pendulum(), recording, k, k + stop)[1:] ** 2)) for k in starts]
+        assert score.window_rmse.median == pytest.approx(np.median(errors), rel=0.05)
 
 
 def test_a_diverging_model_has_infinite_errors():

@@ -91,8 +91,8 @@ class Evaluate:
     """Score a model: the paper's errors on a task, position errors on the recordings of a data set.
 
     On a task: the sum of squared errors over each trajectory's samples and observed channels, mean and standard
-    deviation over trajectories. On a data set: position RMSE over windows of 1 s started every 0.25 s, and of one
-    rollout from the start of the whole recording, in rad and m.
+    deviation over trajectories. On a data set: position RMSE over windows of 1 s started every 0.25 s (of less, where
+    all recordings of a part are shorter), and of one rollout from the start of the whole recording, in rad and m.
 
     Attributes:
         run: Folder of the run.

@@ -29,6 +29,9 @@ _FEW = 4  # Coordinates that have a column each.
 _AS_BAD: Final = 0.1  # Share of the largest error.
 _POOR: Final = 0.5  # Share of the way that positions go in a second, or of what going on as at first is off by.
 _TIMES: Final = 5.0  # The error in training: then it is no matter of noise, nor of harder motions.
+_ASTRAY: Final = (
+    "The motion may lie outside of what training has seen (`symoden inspect` says how far), or the model is a poor one."
+)
 _SLIGHT: Final = 0.2  # Share of that way: noise alone tells what is off by less.
 
 
@@ -39,7 +42,7 @@ class Scores(NamedTuple):
         values: For JSON.
         table: As they are printed.
         warning: What to say of them; mostly nothing.
-        share: How far predictions over 1 s are off, relative to how far positions move; NaN where there are none.
+        share: How far predictions over short windows are off, relative to how far positions move; NaN without any.
     """
 
     values: dict[str, object]
@@ -73,7 +76,7 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
 
 
 def share_of_motion(recordings: Sequence[RecordingScore]) -> float:
-    """How far predictions over 1 s are off, relative to how far positions move, in the mean over the recordings.
+    """How far predictions over short windows are off, relative to how far positions move, in the recordings' mean.
 
     Args:
         recordings: Scores of recordings.
@@ -81,13 +84,18 @@ def share_of_motion(recordings: Sequence[RecordingScore]) -> float:
     Returns:
         The share; NaN where no recording is as long as a window.
     """
-    _, error, motion = _over_a_second(recordings)
+    _, error, motion = _windowed(recordings)
     if motion:
         return error / motion
     return math.inf if error else math.nan
 
 
-def _over_a_second(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore], float, float]:
+def _length(recordings: Sequence[RecordingScore]) -> str:
+    """How long the windows are that predictions are scored over."""
+    return f"{recordings[0].window_rmse.horizon_s:g} s"
+
+
+def _windowed(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore], float, float]:
     """Those that are as long as a window, the sum of their errors, and of what positions move, while they do."""
     long = [each for each in recordings if math.isfinite(each.motion)]
     return long, float(sum(each.in_motion.error for each in long)), float(sum(each.in_motion.motion for each in long))
@@ -102,15 +110,15 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     Returns:
         The words; none where predictions are better, or no recording is as long as a window.
     """
-    lost = [each for each in _over_a_second(recordings)[0] if not math.isfinite(each.in_motion.error)]
+    lost = [each for each in _windowed(recordings)[0] if not math.isfinite(each.in_motion.error)]
     if lost:
         names = first_few((f"`{each.name}`" for each in lost), _FEW)
         others = poor([each for each in recordings if math.isfinite(each.in_motion.error)])
         return (
-            f"over 1 s most predictions of {names} diverge. The motion may lie outside of what training has seen "
-            f"(`symoden inspect` says how far), or the model is a poor one.{others and f' Of the others, {others}'}"
+            f"over {_length(lost)} most predictions of {names} diverge. {_ASTRAY}"
+            f"{others and f' Of the others, {others}'}"
         )
-    long, error, _ = _over_a_second(recordings)
+    long, error, _ = _windowed(recordings)
     if error <= _POOR * sum(map(_guess, long)):
         return ""
     worst = sorted(long, key=lambda each: -each.in_motion.error)
@@ -122,7 +130,7 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     coasts = guess < motion
     of = f" of {first_few((f'`{each.name}`' for each in worst), _FEW)}" if some else ""
     said = (
-        f"over 1 s predictions{of} are off by {number(error)} where positions move {number(motion)}"
+        f"over {_length(worst)} predictions{of} are off by {number(error)} where positions move {number(motion)}"
         + (f" and going on at the first velocity is off by {number(guess)}" if coasts else "")
         + f", in the mean over {'these' if some else 'the'} recordings while they move: hardly better than "
         + ("that." if coasts else "standing still.")
@@ -138,6 +146,19 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     )
 
 
+def diverging(recordings: Sequence[RecordingScore]) -> str:
+    """What to say of rollouts of whole recordings that diverge.
+
+    Args:
+        recordings: Scores of recordings.
+
+    Returns:
+        The words; none where all stay finite.
+    """
+    names = [f"`{each.name}`" for each in recordings if not math.isfinite(each.rollout_rmse)]
+    return f"one rollout over the whole of {first_few(names, _FEW)} diverges. {_ASTRAY}" if names else ""
+
+
 def by_heart(recordings: Sequence[RecordingScore]) -> str:
     """What to say of a model that predicts what it was trained on, and hardly anything else.
 
@@ -148,14 +169,14 @@ def by_heart(recordings: Sequence[RecordingScore]) -> str:
         The words; none where others are predicted too, or no part has a recording as long as a window.
     """
     parts = [[each for each in recordings if each.split == split] for split in ("train", "test")]
-    (seen, learned, _), (others, error, _) = map(_over_a_second, parts)
+    (seen, learned, _), (others, error, _) = map(_windowed, parts)
     if not seen or not others or not error > _POOR * sum(map(_guess, others)):
         return ""
     learned, error = learned / len(seen), error / len(others)
     if error < _TIMES * learned:
         return ""
     return (
-        f"over 1 s predictions of test recordings are off by {number(error)}, of training recordings by "
+        f"over {_length(others)} predictions of test recordings are off by {number(error)}, of training recordings by "
         f"{number(learned)}: the model knows these by heart. Record longer, or more motions that go where it is to "
         "predict, or tell what you know of the mechanism (`[known]`)."
     )
@@ -184,7 +205,7 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
         return Scores(
             {"recordings": [asdict(recording) for recording in recordings]},
             _recordings(recordings, model.space, config.data.position_names),
-            poor(recordings) or by_heart(recordings),
+            poor(recordings) or by_heart(recordings) or diverging(recordings),
             share_of_motion(recordings),
         )
     score = score_task(model, source, solver=solver)
@@ -207,14 +228,15 @@ def _recordings(recordings: Sequence[RecordingScore], space: Space, names: Seque
     """Errors of every recording; of a few coordinates also each one's."""
     angles, lengths = len(space.lengths) < space.size, len(space.lengths) > 0
     units = ", ".join(["rad"] * angles + ["lengths in m, or as they were logged without `units`"] * lengths)
-    each = [f"1 s, {name}" for name in names] if 1 < len(names) <= _FEW else []
+    length = _length(recordings) if recordings else ""
+    each = [f"{length}, {name}" for name in names] if 1 < len(names) <= _FEW else []
     short = any(math.isnan(r.motion) for r in recordings)
     return TableText(
-        f"position RMSE [{units}]: over windows of 1 s, beside how far positions move in these, and of one rollout "
-        "over the whole recording"
+        f"position RMSE [{units}]: over windows of {length}, beside how far positions move in these, and of one "
+        "rollout over the whole recording"
         + ("; of each coordinate the median over the windows" if each else "")
         + ("; -: the recording is shorter than a window" if short else ""),
-        ("recording", "split", "samples", "1 s median", "1 s mean", "moves", "whole", *each),
+        ("recording", "split", "samples", f"{length} median", f"{length} mean", "moves", "whole", *each),
         [
             (
                 *(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.motion, r.rollout_rmse),

@@ -17,7 +17,8 @@ from symoden.training import AbstractPosterior, AbstractScatter
 
 from ._batches import Segment, Stretch, in_batches
 from ._certainty import LEVEL
-from ._evaluate import HORIZON, one_second_windows, paths
+from ._evaluate import paths
+from ._windows import HORIZON, short_windows
 
 _BINS = 20
 _BATCH: Final = 8192  # Samples that are linearised at once at most.
@@ -113,15 +114,17 @@ class Bands:
         for i, path in _paths(self.posterior, stretches, self.hold, self.solver):
             uncertain = quantile**2 * path.variance
             both = uncertain + self.tail**2 * self.noise(path.elapsed)
+            with np.errstate(invalid="ignore"):  # Of a rollout that diverges.
+                share = uncertain / both
             found[i] = BandedPath(
                 ts=path.elapsed + stretches[i].trajectory.ts[stretches[i].start],
                 q=path.q,
                 half_width=self.factor * np.sqrt(both),
-                from_parameters=uncertain / both,
+                from_parameters=share,
             )
         return [found[i] for i in range(len(stretches))]
 
-    def along(self, recordings: Sequence[Trajectory]) -> tuple[Float[np.ndarray, "N n"], ...]:
+    def along(self, recordings: Sequence[Trajectory]) -> tuple[tuple[Float[np.ndarray, "N n"], ...], int]:
         """Roll out windows of 1 s and compare them with what was measured, sample after sample.
 
         Args:
@@ -129,7 +132,7 @@ class Bands:
 
         Returns:
             Absolute errors, half widths, and the share that comes from uncertain parameters, those that are not finite
-            left out.
+            left out; and of how many samples these are.
         """
         stretches = _windows_of(recordings)
         columns = []
@@ -137,7 +140,8 @@ class Bands:
             error = np.abs(path.q - stretch.q)[1:]
             finite = np.isfinite(error).all(axis=1) & np.isfinite(path.half_width[1:]).all(axis=1)
             columns.append([part[finite] for part in (error, path.half_width[1:], path.from_parameters[1:])])
-        return tuple(np.concatenate(column) for column in zip(*columns, strict=True))
+        found = tuple(np.concatenate(column) for column in zip(*columns, strict=True))
+        return found, sum(len(stretch) - 1 for stretch in stretches) - len(found[0])
 
 
 def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: AbstractSolver) -> Bands:
@@ -170,7 +174,7 @@ def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: A
     )
     if not dataset.validation:
         return bands
-    error, half, _ = bands.along(dataset.validation)
+    (error, half, _), _ = bands.along(dataset.validation)
     if not error.size:
         raise ValueError("Bands need rollouts that stay finite; all of those along the validation recordings diverge.")
     factor = float(np.quantile(error / half, LEVEL))
@@ -195,7 +199,7 @@ def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = 
     """
     if not recordings:
         raise ValueError(f"Bands need recordings in the part `{split}` to be judged by; there are none.")
-    error, half, share = bands.along(recordings)
+    (error, half, share), lost = bands.along(recordings)
     if not error.size:
         raise ValueError(f"Bands need rollouts that stay finite; all of those along the {split} recordings diverge.")
     return BandScore(
@@ -203,7 +207,7 @@ def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = 
         calibrated_on=bands.calibrated_on,
         split=split,
         horizon_s=float(np.median([min(HORIZON, each.duration) for each in _windows_of(recordings)])),
-        coverage=float(np.mean(error <= half)),
+        coverage=float(np.mean(error <= half)) * len(error) / (len(error) + lost),  # No band holds what diverges.
         half_width=float(np.median(half)),
         from_parameters=float(np.median(share)),
     )
@@ -226,7 +230,7 @@ def judged_windows(recording: Trajectory) -> list[tuple[int, int]]:
     Returns:
         Samples [start, stop) of each.
     """
-    return one_second_windows(recording) or [(0, len(recording))]
+    return short_windows(recording) or [(0, len(recording))]
 
 
 def _windows_of(recordings: Sequence[Trajectory]) -> list[Stretch]:

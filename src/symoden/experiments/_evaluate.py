@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import equinox as eqx
 import jax
@@ -21,10 +20,7 @@ from symoden.training import find_first_state
 from ._batches import Segment, Stretch, entire, in_batches
 from ._paper import MeanStd
 from ._sources import Source
-
-HORIZON: Final = 1.0
-STRIDE: Final = 0.25
-_INSTANT = 1e-9
+from ._windows import horizon_of, short_windows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +151,7 @@ def score_recordings(
     """Score a model on measured recordings.
 
     Scoring starts after the `initial_samples` of a recording. A window's first sample is where its rollout starts, so
-    it is not scored.
+    it is not scored. Windows are 1 s long, or shorter where all recordings of a part are (`horizon_of`).
 
     Args:
         model: Learned model or analytic system.
@@ -168,7 +164,8 @@ def score_recordings(
     """
     chosen = [(split, recording) for split in splits for recording in getattr(dataset, split)]
     recordings = [recording for _, recording in chosen]
-    windows = [(i, *edges) for i, recording in enumerate(recordings) for edges in one_second_windows(recording)]
+    horizon = horizon_of(dataset)
+    windows = [(i, *edges) for i, each in enumerate(recordings) for edges in short_windows(each, horizon)]
     stretches = [Stretch(trajectory=recordings[i], start=start, stop=stop) for i, start, stop in windows]
     rmse: list[list[np.ndarray]] = [[] for _ in recordings]
     moved: list[list[np.ndarray]] = [[] for _ in recordings]
@@ -183,7 +180,7 @@ def score_recordings(
         rmse[windows[k][0]].append(_mean_squares(path.q[1:], stretches[k].q[1:]))
     whole = predict(model, recordings, hold=dataset.hold, solver=solver)
     return tuple(
-        _recording_score(split, recording, squares, motion, coasting, path)
+        _recording_score(split, recording, horizon, squares, motion, coasting, path)
         for (split, recording), squares, motion, coasting, path in zip(chosen, rmse, moved, coasted, whole, strict=True)
     )
 
@@ -191,6 +188,7 @@ def score_recordings(
 def _recording_score(
     split: str,
     recording: Trajectory,
+    horizon: float,
     squares: Sequence[Float[np.ndarray, " n"]],
     motion: Sequence[Float[np.ndarray, " n"]],
     coasting: Sequence[float],
@@ -209,7 +207,7 @@ def _recording_score(
         split=split,
         samples=len(recording),
         window_rmse=WindowScore(
-            horizon_s=HORIZON,
+            horizon_s=horizon,
             median=float(np.median(errors)) if known else np.nan,
             mean=float(np.mean(errors)) if known else np.nan,
         ),
@@ -351,24 +349,6 @@ def _observed(space: Space, q: Float[np.ndarray, "T n"], rates: Float[np.ndarray
     """Embedded coordinates, then the rates."""
     angles = q[:, space.angles]
     return np.concatenate([q[:, space.lengths], np.cos(angles), np.sin(angles), rates], axis=1)
-
-
-def one_second_windows(recording: Trajectory) -> list[tuple[int, int]]:
-    """Find the windows of 1 s, started every 0.25 s after the `initial_samples`.
-
-    Args:
-        recording: Any recording.
-
-    Returns:
-        Samples [start, stop) of each; none where the recording is too short.
-    """
-    elapsed = recording.ts - recording.ts[recording.initial_samples - 1]
-    starts = np.arange(0.0, elapsed[-1] - HORIZON + _INSTANT, STRIDE)
-    firsts = np.searchsorted(elapsed, starts - _INSTANT)
-    stops = np.searchsorted(elapsed, elapsed[firsts] + HORIZON + _INSTANT)
-    # Where time stamps are irregular, the window after the last start may end after the recording.
-    complete = elapsed[firsts] + HORIZON <= elapsed[-1] + _INSTANT
-    return [(int(a), int(b)) for a, b in zip(firsts[complete], stops[complete], strict=True) if b - a > 1]
 
 
 def _mean_squares(predicted: Float[np.ndarray, "T n"], measured: Float[np.ndarray, "T n"]) -> Float[np.ndarray, " n"]:

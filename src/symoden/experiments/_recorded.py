@@ -12,9 +12,8 @@ from symoden.mechanics import AbstractDynamics
 
 from ._bands import BandedPath, Bands, judged_windows
 from ._batches import Stretch
-from ._evaluate import STRIDE, predict
-
-_EVERY = round(1.0 / STRIDE)  # Windows start every quarter of a second: every fourth follows on the one before.
+from ._evaluate import predict
+from ._windows import OVERLAP
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +58,7 @@ def recorded_paths(
     whole = predict(model, recordings, hold=hold, solver=solver)
     windows: list[list[BandedPath]] = [[] for _ in recordings]
     if bands is not None:
-        cut = [(k, *edges) for k, each in enumerate(recordings) for edges in judged_windows(each)[::_EVERY]]
+        cut = [(k, *edges) for k, each in enumerate(recordings) for edges in judged_windows(each)[::OVERLAP]]
         stretches = [Stretch(trajectory=recordings[k], start=start, stop=stop) for k, start, stop in cut]
         for (k, _, _), path in zip(cut, bands.predict(stretches), strict=True):
             windows[k].append(path)

@@ -44,7 +44,7 @@ def draw_recorded(recordings: Sequence[RecordedPaths], titles: Sequence[str]) ->
         Line2D([], [], color=COLOURS[1], linestyle="--", linewidth=1.2, label="one rollout from the first sample"),
     ]
     if any(recording.windows for recording in recordings):
-        label = "rollouts of 1 s from measured states, with 90 % bands"
+        label = "rollouts of 1 s, or of all that is shorter, from measured states, with 90 % bands"
         handles.append(Patch(facecolor=COLOURS[0], alpha=2 * _BAND, label=label))
     figure.legend(handles=handles, fontsize=LABEL, frameon=False, loc="outside lower center")
     return figure

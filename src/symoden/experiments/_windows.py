@@ -1,0 +1,59 @@
+"""Short windows of recordings, over which predictions are scored."""
+
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from symoden.data import Dataset, Trajectory
+
+HORIZON: Final = 1.0
+"""Length of a window, if recordings are as long [s]."""
+OVERLAP: Final = 4
+"""Windows that start within the length of one."""
+
+_SHORTER: Final = (0.5, 0.2, 0.1)  # Times a power of ten.
+_INSTANT: Final = 1e-9  # [s]
+
+
+def horizon_of(dataset: Dataset) -> float:
+    """Find how long the windows are over which predictions are scored.
+
+    Args:
+        dataset: Recordings.
+
+    Returns:
+        1 s; where all recordings of one of its parts are shorter, the longest of 0.5, 0.2, 0.1, 0.05, … s that fits
+        into half of those of each.
+    """
+    parts = [part for part in (dataset.train, dataset.validation, dataset.test) if part]
+    lengths = [np.array([float(_elapsed(each)[-1]) for each in part]) for part in parts]
+    if all(part.max() + _INSTANT >= HORIZON for part in lengths):
+        return HORIZON
+    usual = min(float(np.median(part)) for part in lengths) + _INSTANT
+    power = 10.0 ** np.floor(np.log10(usual) + 1)
+    return float(next(share * power for share in _SHORTER if share * power <= usual))
+
+
+def short_windows(recording: Trajectory, horizon: float = HORIZON) -> list[tuple[int, int]]:
+    """Find the windows of a length, started every quarter of it after the `initial_samples`.
+
+    Args:
+        recording: Any recording.
+        horizon: The length [s].
+
+    Returns:
+        Samples [start, stop) of each; none where the recording is too short.
+    """
+    elapsed = _elapsed(recording)
+    starts = np.arange(0.0, elapsed[-1] - horizon + _INSTANT, horizon / OVERLAP)
+    firsts = np.searchsorted(elapsed, starts - _INSTANT)
+    stops = np.searchsorted(elapsed, elapsed[firsts] + horizon + _INSTANT)
+    # Where time stamps are irregular, the window after the last start may end after the recording.
+    complete = elapsed[firsts] + horizon <= elapsed[-1] + _INSTANT
+    return [(int(a), int(b)) for a, b in zip(firsts[complete], stops[complete], strict=True) if b - a > 1]
+
+
+def _elapsed(recording: Trajectory) -> Float[np.ndarray, " T"]:
+    """Time since the last of the initial samples [s]."""
+    return recording.ts - recording.ts[recording.initial_samples - 1]
