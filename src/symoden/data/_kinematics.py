@@ -8,7 +8,7 @@ import numpy as np
 from ._shapes import Times
 
 _BLOCK = 0.1  # [s] over which steps of an encoder average out, and a motion of 5 Hz does not
-_LEAST_STEPS, _LEAST_BLOCKS = 4, 8
+_LEAST_STEPS, _LEAST_BLOCKS, _USUAL_BLOCKS = 4, 8, 12
 _ABOVE = 5.0  # times its uncertainty that a displacement must be, to be compared
 TURN: Final = 2 * np.pi
 AGREES: Final = 0.15  # relative deviation up to which a factor is 1
@@ -74,7 +74,9 @@ def displacement(ts: Times, v: np.ndarray, *, longest: float) -> np.ndarray:
 
 
 def blocks(ts: Times, *, longest: float) -> np.ndarray:
-    """First samples of consecutive blocks of about 0.1 s that span no gap, each with the one after its last.
+    """First samples of consecutive blocks that span no gap, each with the one after its last.
+
+    They last about 0.1 s; of a short recording less, so that there are a dozen.
 
     Args:
         ts: Increasing time stamps [s].
@@ -84,7 +86,7 @@ def blocks(ts: Times, *, longest: float) -> np.ndarray:
         Pairs of samples (blocks, 2).
     """
     steps = np.diff(ts)
-    size = max(_LEAST_STEPS, round(_BLOCK / float(np.median(steps))))
+    size = max(_LEAST_STEPS, min(round(_BLOCK / float(np.median(steps))), len(steps) // _USUAL_BLOCKS))
     starts = np.arange(0, len(ts) - size, size)
     gaps = np.append(0, np.cumsum(steps > longest))
     whole = gaps[starts + size] == gaps[starts]
