@@ -56,6 +56,11 @@ def test_a_dead_spot_is_found_wherever_the_angle_is_counted_from(seed, start, wi
     assert found.passages >= 5
 
 
+def test_an_angle_that_is_called_a_length_has_none_where_it_is_wrapped():
+    _, q = swing(3)
+    assert spots(np.mod(q, TURN), is_angle=False) == ()
+
+
 def test_a_dead_spot_of_a_length_is_found():
     _, q = swing(3)
     (found,) = spots(np.where((q > 0.5) & (q < 0.8), 0.5, q), is_angle=False)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ._errors import DataError
-from ._kinematics import TURN
+from ._kinematics import TURN, jumps
 from ._logs import Log
 from ._signals import longest_step
 from ._spikes import COARSEST, counts, deviations, unwrapped
@@ -173,6 +173,8 @@ def _search(name: str, logs: Sequence[Log], i: int, *, is_angle: bool) -> Iterat
     paths = [(log.ts[rows], log.q[rows, i]) for log in logs if len(rows := _ordered(log)[:most]) >= _ENOUGH]
     if not paths:
         return
+    if not is_angle and any(_wraps(*path) for path in paths):
+        return  # An angle that is called a length: where it is wrapped it jumps at every passage.
     ends = np.concatenate([q for _, q in paths])
     least, largest = np.quantile(ends, _ENDS)  # A glitch is no end of the range.
     low, width = (-np.pi, TURN / _SECTORS) if is_angle else (least, (largest - least) / _SECTORS)
@@ -190,6 +192,12 @@ def _search(name: str, logs: Sequence[Log], i: int, *, is_angle: bool) -> Iterat
             start, stop = low + first * width, low + (last + 2) * width
             loudest, passages = float(loud[numbers].max()), int(count[numbers].max())
             yield BlindSpot(channel=name, interval=(start, stop), loud=loudest, passages=passages)
+
+
+def _wraps(ts: np.ndarray, q: np.ndarray) -> bool:
+    """Whether a position jumps by turns and nothing else."""
+    turns, others = jumps(ts, q, longest=longest_step(np.diff(ts)))
+    return len(turns) > len(others)
 
 
 def _ordered(log: Log) -> Int[np.ndarray, " k"]:

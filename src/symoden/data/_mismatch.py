@@ -6,12 +6,11 @@ from typing import Final
 
 import numpy as np
 
-from symoden.wording import stamp
-
 from ._errors import listing
 from ._facts import Facts
 from ._findings import Finding
-from ._kinematics import AGREES, UNRELATED, Ratio, jumps, velocity_ratio
+from ._jumps import find_jumps
+from ._kinematics import AGREES, UNRELATED, Ratio, velocity_ratio
 from ._units import entry, of_column, si_of, split_unit, unit_of
 
 _SAME = 0.06  # relative deviation up to which a factor is a known one
@@ -63,7 +62,7 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
         agree.extend([] if of_ratio else [i])
     degrees = _in_degrees(facts, agree)
     found.extend(_of_degrees(facts, degrees))
-    found.extend(one for i in agree if i not in degrees for one in _jumps(facts, i, stuck))
+    found.extend(one for i in agree if i not in degrees for one in find_jumps(facts, i, stuck))
     return found
 
 
@@ -230,70 +229,3 @@ def _of_degrees(facts: Facts, joints: Sequence[int]) -> list[Finding]:
             advice=f"If so, write {entry(units, facts.units)}.{look} If joints turn so far, nothing need be done.",
         )
     ]
-
-
-def _jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
-    """Jumps by a turn, and by something else, but for those with which a sensor that was stuck goes on."""
-    name = facts.positions[i].name
-    turns, others = jumps(facts.ts, facts.q[:, i], longest=facts.longest)
-    ends = [end for finding in stuck if finding.channel == name for _, end in finding.spans]
-    others = others[~np.isin(facts.ts[others], ends)]
-    found = []
-    if len(turns) and facts.is_angle[i]:
-        found.append(
-            Finding(
-                kind="wrap",
-                level="note",
-                channel=name,
-                text=f"`{name}` jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s: taken for "
-                "wraps of the angle, and removed",
-                advice="Nothing need be done.",
-                spans=_at(facts, turns),
-            )
-        )
-    elif len(turns) and not len(others) and _quiet(facts.q[:, i], turns):
-        found.append(
-            Finding(
-                kind="wrap",
-                level="warning",
-                channel=name,
-                text=f"`{name}` jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s, as a wrapped "
-                "angle does, but the description calls it a length",
-                advice="If it is an angle, give its factor of `space` the letter T instead of R.",
-                spans=_at(facts, turns),
-            )
-        )
-    if len(others) and facts.is_angle[i]:
-        found.append(
-            Finding(
-                kind="jump",
-                level="warning",
-                channel=name,
-                text=f"`{name}` jumps by more than half a turn, but not a whole one, {_times(others)}, first at "
-                f"{_first(facts, others)} s",
-                advice="An angle must move by less than half a turn between samples: look for outliers, lost samples, "
-                "or another unit (degrees?).",
-                spans=_at(facts, others),
-            )
-        )
-    return found
-
-
-def _times(samples: np.ndarray) -> str:
-    """How often something happens."""
-    return "once" if len(samples) == 1 else f"{len(samples)} times"
-
-
-def _first(facts: Facts, samples: np.ndarray) -> str:
-    """When it happens first [s]."""
-    return stamp(float(facts.ts[samples[0] + 1]))
-
-
-def _quiet(q: np.ndarray, turns: np.ndarray) -> bool:
-    """Whether a position moves little from sample to sample, apart from its jumps."""
-    return float(np.abs(np.delete(np.diff(q), turns)).max(initial=0.0)) < np.pi / 4
-
-
-def _at(facts: Facts, samples: np.ndarray) -> tuple[tuple[float, float], ...]:
-    """The steps after samples, as stretches of time."""
-    return tuple((float(facts.ts[k]), float(facts.ts[k + 1])) for k in samples)

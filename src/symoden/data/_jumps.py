@@ -1,0 +1,126 @@
+"""Jumps of positions: wraps of an angle, and what no machine moves from one sample to the next."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from symoden.wording import stamp
+
+from ._facts import Facts
+from ._findings import Finding
+from ._kinematics import jumps
+
+_FAR: Final = 10.0  # Times all other changes from row to row that a leap is.
+_MOST_LEAPS: Final = 5  # In a recording; what is more is how it moves.
+_USUAL_CHANGES: Final = 20  # Other changes for each of them, which tell what is usual.
+_APART: Final = 2  # Changes between two leaps.
+
+
+def find_jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
+    """Find jumps by a turn, and by something else, but for those with which a sensor that was stuck goes on.
+
+    Args:
+        facts: Facts of a log.
+        i: Which coordinate.
+        stuck: What was found of sensors that stand still.
+
+    Returns:
+        The findings.
+    """
+    name = facts.positions[i].name
+    turns, others = jumps(facts.ts, facts.q[:, i], longest=facts.longest)
+    ends = [end for finding in stuck if finding.channel == name for _, end in finding.spans]
+    others = others[~np.isin(facts.ts[others], ends)]
+    found = []
+    if len(turns) and facts.is_angle[i]:
+        found.append(
+            Finding(
+                kind="wrap",
+                level="note",
+                channel=name,
+                text=f"`{name}` jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s: taken for "
+                "wraps of the angle, and removed",
+                advice="Nothing need be done.",
+                spans=_at(facts, turns),
+            )
+        )
+    elif len(turns) and not len(others) and _quiet(facts.q[:, i], turns):
+        found.append(
+            Finding(
+                kind="wrap",
+                level="warning",
+                channel=name,
+                text=f"`{name}` jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s, as a wrapped "
+                "angle does, but the description calls it a length",
+                advice="If it is an angle, give its factor of `space` the letter T instead of R.",
+                spans=_at(facts, turns),
+            )
+        )
+    if len(others) and facts.is_angle[i]:
+        found.append(
+            Finding(
+                kind="jump",
+                level="warning",
+                channel=name,
+                text=f"`{name}` jumps by more than half a turn, but not a whole one, {_times(others)}, first at "
+                f"{_first(facts, others)} s",
+                advice="An angle must move by less than half a turn between samples: look for outliers, lost samples, "
+                "or another unit (degrees?).",
+                spans=_at(facts, others),
+            )
+        )
+    return found or _leaps(facts, i, ends)
+
+
+def _leaps(facts: Facts, i: int, ends: Sequence[float]) -> list[Finding]:
+    """Single changes that are far beyond all others, such as where another recording begins in the same file.
+
+    What moves on in the next sample is no leap but a fast motion.
+
+    Returns:
+        One finding, or none.
+    """
+    name = facts.positions[i].name
+    q = np.unwrap(facts.q[:, i]) if facts.is_angle[i] else facts.q[:, i]
+    near = np.diff(facts.ts) <= facts.longest
+    changes = np.where(near & ~np.isin(facts.ts[:-1], ends), np.abs(np.diff(q)), 0.0)
+    order = np.argsort(-changes)
+    for count in range(1, min(_MOST_LEAPS, len(changes) // _USUAL_CHANGES) + 1):
+        leaps, most = np.sort(order[:count]), float(changes[order[count]])
+        if 0 < _FAR * most < changes[order[count - 1]] and np.diff(leaps).min(initial=_APART) >= _APART:
+            break
+    else:
+        return []
+    return [
+        Finding(
+            kind="jump",
+            level="warning",
+            channel=name,
+            text=f"`{name}` jumps by {changes[leaps].max():.3g} {_times(leaps)}, first at {_first(facts, leaps)} s; "
+            f"elsewhere it changes by at most {most:.2g} from row to row: does another recording begin there?",
+            advice="If so, make a file of each, or give each its interval of `rows`. If not, look for lost rows, or "
+            "for a sensor that was set to zero.",
+            spans=_at(facts, leaps),
+        )
+    ]
+
+
+def _times(samples: np.ndarray) -> str:
+    """How often something happens."""
+    return "once" if len(samples) == 1 else f"{len(samples)} times"
+
+
+def _first(facts: Facts, samples: np.ndarray) -> str:
+    """When it happens first [s]."""
+    return stamp(float(facts.ts[samples[0] + 1]))
+
+
+def _quiet(q: np.ndarray, turns: np.ndarray) -> bool:
+    """Whether a position moves little from sample to sample, apart from its jumps."""
+    return float(np.abs(np.delete(np.diff(q), turns)).max(initial=0.0)) < np.pi / 4
+
+
+def _at(facts: Facts, samples: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """The steps after samples, as stretches of time."""
+    return tuple((float(facts.ts[k]), float(facts.ts[k + 1])) for k in samples)
