@@ -51,6 +51,29 @@ def test_one_in_seconds_among_milliseconds_is_named_with_the_key(tmp_path):
         read_dataset(path)
 
 
+@pytest.mark.parametrize(("said", "factor", "unit"), [("ms", 1e6, "us"), ("us", 1e9, "ns")])
+def test_a_clock_that_is_said_to_be_in_too_large_a_unit_is_named_with_the_right_one(tmp_path, said, factor, unit):
+    path = written(tmp_path, (0.005, factor), (0.004, factor))
+    path.write_text(f'units = {{"t [x]" = "{said}"}}\n' + path.read_text())
+    findings = [one for each in check_dataset(path).recordings for one in each.findings if one.kind == "unit"]
+    assert [f'"t [x]" = "{unit}"' in one.advice for one in findings] == [True, True]
+
+
+def test_minutes_are_the_users_word(tmp_path):
+    path = written(tmp_path, (0.1, 1))
+    path.write_text('units = {"t [x]" = 60}\n' + path.read_text())
+    assert "unit" not in {one.kind for each in check_dataset(path).recordings for one in each.findings}
+
+
+def test_numbers_of_rows_are_no_time(tmp_path):
+    path = written(tmp_path, (0.005, 1))
+    log = np.loadtxt(tmp_path / "run0.csv", delimiter=",", skiprows=1)
+    log[:, 0] = np.arange(len(log))
+    np.savetxt(tmp_path / "run0.csv", log, delimiter=",", header="t [x],q,u", comments="")
+    (finding,) = (one for one in check_dataset(path).recordings[0].findings if one.kind == "unit")
+    assert finding.advice.startswith("If it counts rows, leave `time` out and write `dt`")
+
+
 @pytest.mark.parametrize(("factor", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
 def test_a_clock_that_is_far_too_slow_for_a_mechanism_is_named_with_its_unit(tmp_path, factor, unit):
     path = written(tmp_path, (0.005, factor), (0.004, factor))

@@ -95,7 +95,7 @@ def test_degrees_are_unwrapped_as_angles(tmp_path):
             'q = "degree"',
             r"`units` of `q` must be a factor or one of the units `rad, .* ns`; got 'degree'\. Did you mean `deg`\?",
         ),
-        ('u = "bar"', r"; got 'bar'\. For another unit write the factor to SI, such as newtons per volt; that of"),
+        ('u = "bar"', r"; got 'bar'\. For another unit write the factor to SI, such as 0\.0254 for inches\."),
         ("q = 0", "`units` of `q` must be the name of a unit, or a factor: a finite number other than 0"),
         ('q.position = "deg"', 'a table of columns; a name with dots stands in quotes, such as "q.position"'),
         ("q = true", "`units` of `q` must be the name of a unit"),

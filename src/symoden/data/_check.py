@@ -194,7 +194,8 @@ def _check(
         missing=int((~log.complete).sum()),
         gaps=outcome.gaps if isinstance(outcome, Mask) else (),
         channels=examination.facts.channels if examination.facts else (),
-        findings=(*findings, *examination.findings),
+        # Where rows are of several times in turn, what moves and what rests is mixed up.
+        findings=(*findings, *(one for one in examination.findings if not (late and one.kind == "idle"))),
     )
 
 
@@ -254,10 +255,11 @@ def _of_role(check: RecordingCheck, role: str) -> list[ChannelFacts]:
 
 def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:
     """Joints and inputs that do nothing in any training recording."""
-    train = [check.channels for check in checks if check.log.part == "train" and check.channels]
+    seen = [check for check in checks if check.log.part == "train" and check.channels and not _out_of_order(check.log)]
+    train, logs = [check.channels for check in seen], [check.log for check in seen]
     if all(map(stands_still, train)):
         return []  # Each recording says so.
-    found, logs = [], [check.log for check in checks if check.log.part == "train" and check.channels]
+    found = []
     for facts in zip(*train, strict=True):
         name = facts[0].name
         if facts[0].role == "position" and all(is_idle(one) for one in facts):

@@ -52,18 +52,24 @@ def _usual(log: Log) -> float | None:
 
 
 def _slow(log: Log, step: float, description: Description) -> tuple[Finding, ...]:
-    """All time stamps are in a unit that the description does not name."""
+    """All time stamps are in a unit that the description does not name, or count rows."""
     (name,) = log.names["time"]
-    if name in description.units:
-        return ()
-    word, key = next((word, key) for factor, word, key in reversed(_UNITS) if step >= factor / 1e3 * _SLOW)
+    told = description.units.get(name, 1.0)
+    if name in description.units and told >= 1:
+        return ()  # In minutes: a slow machine.
+    word, key = next((word, key) for factor, word, key in reversed(_UNITS) if step / told >= factor / 1e3 * _SLOW)
+    advice = (
+        f"Write {entry({name: key}, {column: unit for column, unit in description.units.items() if column != name})}."
+    )
+    if step / told == 1:
+        advice = f"If it counts rows, leave `time` out and write `dt`, the time between two [s]. Otherwise: {advice}"
     return (
         Finding(
             kind="unit",
             level="warning",
             channel=name,
             text=f"the usual step of `{name}` is {step:.4g} s, long for a mechanism: is it in {word}?",
-            advice=f"Write {entry({name: key}, description.units)}.",
+            advice=advice,
         ),
     )
 

@@ -142,8 +142,9 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
             turned = " One of them has the opposite direction as well." if factor < 0 else ""
             write = entry(columns, facts.units)
             advice = f"Write {write}."
-            if v in columns and q in facts.units:  # That one may be wrong.
-                advice = f"If `{v}` is right, write {entry({q: 1 / known}, facts.units)}; otherwise write {write}."
+            for one, told, mends in ((v, q, 1 / known), (q, v, known)):
+                if one in columns and told in facts.units:  # That one may be wrong.
+                    advice = f"If `{one}` is right, write {entry({told: mends}, facts.units)}; otherwise write {write}."
             return [
                 Finding(
                     kind="unit",

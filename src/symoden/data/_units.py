@@ -67,8 +67,8 @@ def factor_of(unit: object) -> float:
             known = "; ".join(", ".join(units) for units in _BY_SI.values())
             raise ValueError(
                 f"must be a factor or one of the units `{known}`",
-                f"{nearest(unit, UNITS)} For another unit write the factor to SI, such as newtons per volt; that of an "
-                "input may stand in `input_matrix` as well.",
+                f"{nearest(unit, UNITS)} For another unit write the factor to SI, such as 0.0254 for inches. What an "
+                "input in percent or counts does is learned, or told by `input_matrix`.",
             )
         return UNITS[plain]
     if isinstance(unit, int | float) and not isinstance(unit, bool) and math.isfinite(unit) and unit != 0:
