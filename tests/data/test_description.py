@@ -37,7 +37,7 @@ def described(tmp_path, text, **options):
 def test_what_is_not_said_has_its_default(tmp_path):
     description = described(tmp_path, LEAST)
     assert (description.space, description.time, description.positions) == ("T1", "t", ("q",))
-    assert description.train == Part(files=("a.csv",), rows=((0, None),), split_every=None)
+    assert description.train == Part(files=("a.csv",), rows={}, split_every=None)
     assert (description.inputs, description.hold, description.initial_samples) == ((), "zero", 1)
     unsaid = ("dt", "velocities", "momenta", "resample", "input_matrix", "test", "validation")
     assert all(getattr(description, key) is None for key in unsaid)
@@ -48,8 +48,8 @@ def test_every_key_has_an_effect(tmp_path):
     assert (description.space, description.dt, description.positions) == ("R1 T1", 1.0, "q")
     assert (description.momenta, description.hold, description.resample) == (("p[0]", "p[1]"), "linear", 0.01)
     assert (description.input_matrix, description.initial_samples) == (((1.0, 0.5), (0.0, -1.0)), 3)
-    assert description.train == Part(files=("a.csv", "b*.csv"), rows=((5, -1),), split_every=2.67)
-    assert description.test == Part(files=("c.csv",), rows=((7, None),))
+    assert description.train == Part(files=("a.csv", "b*.csv"), rows={"*": ((5, -1),)}, split_every=2.67)
+    assert description.test == Part(files=("c.csv",), rows={"*": ((7, None),)})
     assert description.validation == Part(files=("d.csv",))
 
 
@@ -101,6 +101,7 @@ BAD = [
     (f"{LEAST}rows = [0.5]\n", r"\[train\] `rows` must be \[start, stop\)"),
     (f"{LEAST}rows = [[1, 2], 3]\n", r"\[train\] `rows` must be \[start, stop\)"),
     (f"{LEAST}rows = [[1, 2], [3, 4, 5]]\n", r"\[train\] `rows` must be .*, or a list of these"),
+    (f"{LEAST}rows = {{ a = [1, 2, 3] }}\n", r"\[train\] `rows` must be .*, or a table of these by file"),
     (f"{LEAST}rows = []\n", r"\[train\] `rows` must be \[start, stop\)"),
     (f"{LEAST}split_every = -1\n", r"\[train\] `split_every` must be a positive number"),
     (LEAST.replace('[train]\nfiles = ["a.csv"]', ""), r"\[train\] or \[test\] must name `files`; got neither"),

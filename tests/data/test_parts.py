@@ -166,6 +166,23 @@ def test_intervals_with_rows_in_common_are_refused(tmp_path):
         read_dataset(written(tmp_path, table(labels=(3,)), train=TRAIN + "rows = [[0, 25], [20]]\n"))
 
 
+@pytest.mark.parametrize("name", ["runs.csv", "run*.csv", "*s.csv"])
+def test_rows_may_be_of_single_files_and_leave_the_others_whole(tmp_path, name):
+    written(tmp_path, table(labels=(3,))).rename(tmp_path / "other.toml")
+    (tmp_path / "runs.csv").rename(tmp_path / "whole.csv")
+    train = (
+        TRAIN.replace('"runs.{ending}"', '"runs.csv", "whole.csv"') + f'rows = {{{{ "{name}" = [[0, 25], [40]] }}}}\n'
+    )
+    found = read_dataset(written(tmp_path, table(labels=(3,)), train=train)).train
+    assert {each.name: len(each) for each in found} == {"runs-3-1": 25, "runs-3-2": 20, "whole-3": 60}
+
+
+def test_rows_of_a_file_that_the_part_does_not_have_are_refused(tmp_path):
+    train = TRAIN + 'rows = {{ "run.csv" = [5] }}\n'
+    with pytest.raises(DataError, match=r"got `run\.csv`\. Did you mean `runs\.csv`\? It has `runs\.csv`"):
+        read_dataset(written(tmp_path, table(labels=(3,)), train=train))
+
+
 @pytest.mark.parametrize(("rows", "said"), [("[[0, 25], [90, 95]]", r"\[90, 95\]"), ("[70]", r"\[70\]")])
 def test_rows_beyond_the_end_of_a_file_are_refused_with_its_length(tmp_path, rows, said):
     with pytest.raises(DataError, match=rf"`.*runs\.csv` has 60, and none of them is in {said}"):

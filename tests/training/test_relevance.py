@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -170,7 +171,7 @@ def test_priors_are_in_the_order_of_the_parameters_of_every_kind(small):
 
 @pytest.mark.parametrize("size", [0.0, 0.5, 150.0, np.inf, np.nan])
 def test_priors_are_as_wide_as_laws_of_friction_that_training_begins_with(small, size):
-    model = build(dataclasses.replace(small, knees=(0.1,)), Space.parse("T2"), 2, key=jax.random.key(0))
+    model: Any = build(dataclasses.replace(small, knees=(0.1,)), Space.parse("T2"), 2, key=jax.random.key(0))
     closed = Relevance.start(model, 2.0).precision
     laws = jax.tree.map(lambda x: jnp.full_like(x, size), model.friction.laws)
     found = Relevance.start(eqx.tree_at(lambda model: model.friction.laws, model, laws), 2.0).precision

@@ -5,7 +5,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
 from symoden.known import KnownParts
 
@@ -17,6 +17,9 @@ from ._values import KEYS, PART_KEYS, PARTS, Check
 
 _FITTING: Final = {"time": ("s",), "inputs": ("N", "N m", "A", "V")}  # Others are of lengths or of angles.
 
+Interval: TypeAlias = tuple[int, int | None]
+ALL_ROWS: Final = ((0, None),)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
@@ -24,17 +27,28 @@ class Part:
 
     Attributes:
         files: Names or patterns, relative to the description.
-        rows: Rows [start, stop) to read of each file, counted from 0; negative ones count from the end. Of several
-            intervals each is a recording of its own.
+        rows: Rows [start, stop) to read, counted from 0, by names or patterns of files; negative ones count from the
+            end. Of several intervals each is a recording of its own. Of a file that no name stands for: all.
         recordings: Those that the column `recording` names so, or that arrays of three axes number from 0; without any,
             those that no other part names.
         split_every: Duration of the segments to split each recording into [s].
     """
 
     files: tuple[str, ...]
-    rows: tuple[tuple[int, int | None], ...] = ((0, None),)
+    rows: Mapping[str, tuple[Interval, ...]] = field(default_factory=dict)
     recordings: tuple[str, ...] = ()
     split_every: float | None = None
+
+    def rows_of(self, file: Path) -> tuple[Interval, ...]:
+        """Intervals of rows to read of a file.
+
+        Args:
+            file: The file.
+
+        Returns:
+            First row of each, and the row after its last one or nothing.
+        """
+        return next((rows for name, rows in self.rows.items() if file.match(name)), ALL_ROWS)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._description import Description, Part, angles_of
+from ._description import ALL_ROWS, Description, angles_of
 from ._errors import DataError
 from ._impossible import Impossible, without_impossible
 from ._parts import read_parts
@@ -249,7 +249,7 @@ def _by_file(part: Sequence[Rows]) -> dict[Path, np.ndarray]:
 def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) -> Log:
     """The rows of a file by what they mean."""
     if len(rows) < 2:
-        chosen = description.parts[part].rows != Part.rows
+        chosen = description.parts[part].rows_of(rows.path) != ALL_ROWS
         which = f"`{description.recording or 'recording'}` = {rows.label}: " if rows.label else ""
         raise DataError(
             f"`{rows.path}`: {which}a recording must have at least 2 rows; got {len(rows)}"

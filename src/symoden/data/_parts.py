@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ._description import Description
+from ._description import Description, Part
 from ._errors import DataError, listing, nearest
 from ._files import find_files
 from ._readers import Rows, read_rows
@@ -50,8 +50,11 @@ def read_parts(path: Path, description: Description) -> dict[str, tuple[Rows, ..
 def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, ...]:
     """Rows of all files of one part."""
     part, found = description.parts[name], []
-    for file in find_files(part.files, path):
-        read = [read_rows(file, description.selectors, slice(*each), description.recording) for each in part.rows]
+    files = find_files(part.files, path)
+    _refuse_unknown(path, part, name, files)
+    for file in files:
+        intervals = part.rows_of(file)
+        read = [read_rows(file, description.selectors, slice(*each), description.recording) for each in intervals]
         _refuse_absent(path, description, name, read)
         _refuse_repeated(path, name, read)
         for k, each in enumerate(read, start=1):
@@ -61,10 +64,21 @@ def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, .
     return tuple(found)
 
 
+def _refuse_unknown(path: Path, part: Part, name: str, files: Sequence[Path]) -> None:
+    """Refuse rows of files that the part does not have."""
+    for pattern in part.rows:
+        if not any(file.match(pattern) for file in files):
+            known = dict.fromkeys(file.name for file in files)
+            raise DataError(
+                f"`{path}`: [{name}] `rows` must be of files that the part has; got `{pattern}`."
+                f"{nearest(pattern, known)} It has {listing(known)}."
+            )
+
+
 def _refuse_absent(path: Path, description: Description, name: str, intervals: Sequence[Rows]) -> None:
     """Refuse intervals that a file has no rows in, unless the part names recordings, which other files may have."""
     part = description.parts[name]
-    for (start, stop), rows in zip(part.rows, intervals, strict=True):
+    for (start, stop), rows in zip(part.rows_of(intervals[0].path), intervals, strict=True):
         if not len(rows) and (start, stop) != (0, None) and not part.recordings:
             whole = read_rows(rows.path, description.selectors, slice(None), description.recording)
             raise DataError(

@@ -148,7 +148,14 @@ def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(item) for item in row) for row in rows)
 
 
-def _rows(value: object) -> tuple[tuple[int, int | None], ...]:
+def _rows(value: object) -> dict[str, tuple[tuple[int, int | None], ...]]:
+    """Intervals of rows by names of files; those of all files without."""
+    if isinstance(value, dict):
+        return {str(name): _intervals_of_rows(each) for name, each in value.items()}
+    return {"*": _intervals_of_rows(value)}
+
+
+def _intervals_of_rows(value: object) -> tuple[tuple[int, int | None], ...]:
     """Of one interval of rows or more the first row, and the row after the last one or nothing."""
     items = value if isinstance(value, list) else []
     several = bool(items) and all(isinstance(item, list) for item in items)
@@ -159,7 +166,10 @@ def _interval_of_rows(value: object) -> tuple[int, int | None]:
     """First row, and the row after the last one or nothing."""
     numbers = value if isinstance(value, list) else []
     if len(numbers) not in (1, 2) or not all(isinstance(item, int) and not isinstance(item, bool) for item in numbers):
-        _fail("[start, stop), two whole numbers, or [start] for all rows from there on, or a list of these")
+        _fail(
+            "[start, stop), two whole numbers, or [start] for all rows from there on, or a list of these, or a table "
+            "of these by file"
+        )
     return numbers[0], numbers[1] if len(numbers) > 1 else None
 
 
