@@ -185,8 +185,8 @@ def _finding(facts: Facts, name: str, stuck: list[tuple[int, int]]) -> list[Find
             channel=name,
             text=f"`{name}` does not change at all {_when(spans)} while the machine moves: a stuck sensor?",
             advice="Leave the cells of this column empty there: such rows are left out and the recording is split. "
-            "(Intervals of `rows`, by the name of the file, do it too.) If the joint is held by friction, nothing need be "
-            "done.",
+            "(Intervals of `rows`, by the name of the file, do it too.) If the joint is held by friction, nothing need "
+            "be done.",
             spans=spans,
         )
     ]
