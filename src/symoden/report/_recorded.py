@@ -44,7 +44,7 @@ def draw_recorded(recordings: Sequence[RecordedPaths], titles: Sequence[str]) ->
         Line2D([], [], color=COLOURS[1], linestyle="--", linewidth=1.2, label="one rollout from the first sample"),
     ]
     if any(recording.windows for recording in recordings):
-        label = "rollouts of 1 s, or of all that is shorter, from measured states, with 90 % bands"
+        label = "rollouts of up to 1 s from measured states, with 90 % bands"
         handles.append(Patch(facecolor=COLOURS[0], alpha=2 * _BAND, label=label))
     figure.legend(handles=handles, fontsize=LABEL, frameon=False, loc="outside lower center")
     return figure
@@ -68,6 +68,14 @@ def plot_recorded(recording: RecordedPaths, index: int, *, ax: Axes) -> Axes:
         ax.fill_between(path.ts - first, q - half, q + half, color=COLOURS[0], alpha=_BAND, linewidth=0)
         ax.plot(path.ts - first, q, color=COLOURS[0], linewidth=0.9)
     ax.plot(recording.ts - first, recording.whole[:, index], color=COLOURS[1], linestyle="--", linewidth=1.2)
-    room = _ROOM * float(np.ptp(measured)) or 1.0
-    ax.set_ylim(float(measured.min()) - room, float(measured.max()) + room)  # Whatever a rollout does.
+    whole, way = recording.whole[:, index], float(np.ptp(measured)) or 1.0
+    low, high = float(measured.min()), float(measured.max())
+    with np.errstate(invalid="ignore", over="ignore"):
+        off = float(np.sqrt(np.mean((whole - measured) ** 2)))
+        # What a rollout does is shown as far as the motion itself goes.
+        least, most = (float(np.clip(edge, low - way, high + way)) for edge in (np.nanmin(whole), np.nanmax(whole)))
+    ax.set_ylim(min(low, least) - _ROOM * way, max(high, most) + _ROOM * way)
+    # Beside a long way an error that matters is thinner than a line.
+    words = {"ha": "right", "fontsize": SMALL, "color": COLOURS[1]}
+    ax.text(1.0, 1.02, f"rollout off by {off:.2g}", transform=ax.transAxes, **words)
     return tidy(ax)
