@@ -43,10 +43,10 @@ class Relevance(NamedTuple):
 
     @classmethod
     def start(cls, model: PyTree, prior: float) -> "Relevance":
-        """Priors of equal width before anything is known, but no narrower than laws of friction that were guessed.
+        """Priors of equal width before anything is known, but as wide as the laws of friction that the model has.
 
         At a narrow knee a law of usual force has a coefficient of a hundred. Pulled at as if it were of the order of 1,
-        the guess would be undone before priors are learned.
+        one that was guessed would be undone before priors are learned, and one that was learned seem far too certain.
 
         Args:
             model: Model.
@@ -57,9 +57,9 @@ class Relevance(NamedTuple):
         """
 
         def precision(node: PyTree) -> PyTree:
-            guessed = float(isinstance(node, Correction) and node.kind == FRICTION)
+            begun = float(isinstance(node, Correction) and node.kind == FRICTION)
             return jax.tree.map(
-                lambda x: jax.device_put(prior / np.fmax(1.0, guessed * np.asarray(x, float) ** 2)), node
+                lambda x: jax.device_put(prior / np.fmax(1.0, begun * np.asarray(x, float) ** 2)), node
             )
 
         free = eqx.filter(model, trainable(model))
