@@ -174,6 +174,21 @@ def test_wraps_are_facts_and_other_jumps_are_wrong(tmp_path_factory, seed):
     assert "but not a whole one, once, first at" in jump.text
 
 
+def test_of_times_out_of_order_it_is_not_said_what_rests(tmp_path):
+    """Rows of two recordings, one after the other with times that begin anew, are no motion in the order of these."""
+    log = scale(arm(samples=400), q1=0, v1=0, u1=0)
+    twice = np.concatenate([log, arm(1, samples=400)])
+    both = written(tmp_path, twice)
+    every = [one for each in check_dataset(both).recordings for one in each.findings]
+    assert "idle" not in {one.kind for one in (*check_dataset(both).findings, *every)}
+    assert found(written(tmp_path, log)) == [("idle", "warning", "q1"), ("idle", "warning", "u1")]
+    still = arm(samples=400)
+    still[:, 1:5] = still[0, 1:5]
+    still[200, 0] = still[199, 0]
+    (check,) = check_dataset(written(tmp_path, still)).recordings
+    assert "idle" in {one.kind for one in check.findings}  # In any order.
+
+
 def test_times_out_of_order_are_refused_and_still_examined(tmp_path):
     log = scale(arm(), v2=-1)
     log[[500, 501], 0] = log[[501, 500], 0]

@@ -58,7 +58,19 @@ def test_what_to_do_about_it_depends_on_what_is_known(tmp_path, more, advice):
     assert re.search(advice, one.advice)
 
 
-def test_nothing_is_confused_with_an_input_where_potential_and_friction_are_given(tmp_path):
-    known = '[known]\npotential_energy = "cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]'
-    findings = check_dataset(written(tmp_path, driven(0.0), more=known)).findings
-    assert "feedback" not in {one.kind for one in findings}
+@pytest.mark.parametrize(
+    ("known", "named"),
+    [
+        ('potential_energy = "cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]', False),
+        ('potential_energy = "k*cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]\nparameters = {k = 1}', True),
+        ('potential_energy = "k*cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]\nconstants = {k = 1}', False),
+        (
+            'potential_energy = "cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]\n'
+            'correct = ["dissipation_matrix"]',
+            True,
+        ),
+    ],
+)
+def test_nothing_is_confused_with_an_input_where_potential_and_friction_are_known(tmp_path, known, named):
+    findings = check_dataset(written(tmp_path, driven(0.0), more=f"[known]\n{known}")).findings
+    assert ("feedback" in {one.kind for one in findings}) == named

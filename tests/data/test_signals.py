@@ -36,6 +36,19 @@ def test_what_is_not_rounded_has_no_step(seed):
         assert quantum(signal) == 0
 
 
+@pytest.mark.parametrize("speed", [0.1, 0.5, 0.85, 0.92, 0.97, 1.03, 1.4, 2.03, 3.04])
+def test_the_step_of_an_encoder_that_turns_steadily_is_found(speed):
+    assert quantum(0.01 * np.floor(speed * np.arange(2000) + 0.3)) == pytest.approx(0.01, rel=1e-6)
+
+
+@pytest.mark.parametrize("rows", [slice(0, 1), slice(1000, None), slice(1000, 1001)])
+def test_one_row_off_the_grid_hides_no_step(rows):
+    """The first one before a sensor was ready, all from where it was set to zero, one that was made up."""
+    signal = 0.01 * np.round(100 * np.sin(2 * np.pi * np.arange(2000) / 2000))
+    signal[rows] += 0.00437
+    assert quantum(signal) == pytest.approx(0.01, rel=1e-6)
+
+
 @given(
     lag=st.floats(0.005, 0.1),
     seconds=st.floats(0.3, 3.0),

@@ -194,8 +194,8 @@ def _check(
         missing=int((~log.complete).sum()),
         gaps=outcome.gaps if isinstance(outcome, Mask) else (),
         channels=examination.facts.channels if examination.facts else (),
-        # Where rows are of several times in turn, what moves and what rests is mixed up.
-        findings=(*findings, *(one for one in examination.findings if not (late and one.kind == "idle"))),
+        # Where rows are of several times in turn, what hardly moves is mixed up with what does.
+        findings=(*findings, *(one for one in examination.findings if not (late and _hardly_moves(one)))),
     )
 
 
@@ -253,12 +253,17 @@ def _of_role(check: RecordingCheck, role: str) -> list[ChannelFacts]:
     return [one for one in check.channels if one.role == role]
 
 
+def _hardly_moves(finding: Finding) -> bool:
+    """Whether it says of a single joint that it hardly moves."""
+    return finding.kind == "idle" and finding.level == "note"
+
+
 def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:
     """Joints and inputs that do nothing in any training recording."""
-    seen = [check for check in checks if check.log.part == "train" and check.channels and not _out_of_order(check.log)]
+    seen = [check for check in checks if check.log.part == "train" and check.channels]
     train, logs = [check.channels for check in seen], [check.log for check in seen]
-    if all(map(stands_still, train)):
-        return []  # Each recording says so.
+    if all(map(stands_still, train)) or any(_out_of_order(log) for log in logs):
+        return []  # Each recording says so; or what moves in one is not known.
     found = []
     for facts in zip(*train, strict=True):
         name = facts[0].name

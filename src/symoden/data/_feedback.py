@@ -17,7 +17,7 @@ _MANY: Final = 5  # Samples for each number of the regression.
 def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     """Say which inputs are nearly a function of positions and velocities.
 
-    What such an input does cannot be told from what a spring or a damper does, unless both are given: a model may
+    What such an input does cannot be told from what a spring or a damper does, unless both are known: a model may
     explain the motion without it. A regression on 1, q and q² (of angles cosine and sine) and velocities sees most
     controllers. Every other stretch is predicted from the rest: in a short, smooth motion anything follows anything.
 
@@ -28,8 +28,8 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     Returns:
         One finding, or none.
     """
-    given = () if dataset.known is None else dataset.known.given
-    confused = [letter for letter, part in _CONFUSED.items() if part not in given]
+    known = dataset.known
+    confused = [letter for letter, part in _CONFUSED.items() if known is None or part not in known.fixed]
     if not dataset.train or not dataset.inputs or not confused:
         return []
     q, rates, us = (np.concatenate([getattr(each, name) for each in dataset.train]) for name in ("q", "rates", "us"))
@@ -44,7 +44,7 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     follows = np.flatnonzero(share > _FOLLOWS)
     if not len(follows):
         return []
-    acts = dataset.input_matrix is not None or "input_matrix" in given
+    acts = dataset.input_matrix is not None or (known is not None and "input_matrix" in known.given)
     part = " and ".join(confused) if acts else "g"
     plural = acts and len(confused) > 1
     more = " or ".join(confused) if acts else ", ".join(["`input_matrix`", *confused[:1]])

@@ -12,7 +12,8 @@ from ._findings import Finding
 from ._kinematics import jumps
 
 _FAR: Final = 10.0  # Times all other changes from row to row that a leap is.
-_MOST_LEAPS: Final = 5  # In a recording; what is more is how it moves.
+_FASTER: Final = 3.0  # Times the largest velocity.
+_MOST_LEAPS: Final = 5  # In a recording without velocities; what is more is how it moves.
 _USUAL_CHANGES: Final = 20  # Other changes for each of them, which tell what is usual.
 _APART: Final = 2  # Changes between two leaps.
 
@@ -70,40 +71,56 @@ def find_jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
                 spans=_at(facts, others),
             )
         )
-    return found or _leaps(facts, i, ends)
+    named = len(found) > 0 and not (facts.is_angle[i] and not len(others))  # All but wraps of an angle.
+    return found if named else [*found, *_leaps(facts, i, ends)]
 
 
 def _leaps(facts: Facts, i: int, ends: Sequence[float]) -> list[Finding]:
-    """Single changes that are far beyond all others, such as where another recording begins in the same file.
-
-    What moves on in the next sample is no leap but a fast motion.
+    """Changes that are far beyond all others, such as where another recording begins in the same file.
 
     Returns:
         One finding, or none.
     """
     name = facts.positions[i].name
     q = np.unwrap(facts.q[:, i]) if facts.is_angle[i] else facts.q[:, i]
-    near = np.diff(facts.ts) <= facts.longest
-    changes = np.where(near & ~np.isin(facts.ts[:-1], ends), np.abs(np.diff(q)), 0.0)
-    order = np.argsort(-changes)
-    for count in range(1, min(_MOST_LEAPS, len(changes) // _USUAL_CHANGES) + 1):
-        leaps, most = np.sort(order[:count]), float(changes[order[count]])
-        if 0 < _FAR * most < changes[order[count - 1]] and np.diff(leaps).min(initial=_APART) >= _APART:
-            break
+    steps = np.diff(facts.ts)
+    usual = float(np.median(steps))
+    changes = np.abs(np.diff(q)) * usual / np.maximum(steps, usual)  # Across rows that are left out it goes farther.
+    changes[(steps > facts.longest) | np.isin(facts.ts[:-1], ends)] = 0.0
+    if facts.v is not None and facts.ratios[i].agrees:
+        leaps = np.flatnonzero(changes > _FASTER * usual * np.abs(facts.v[:, i]).max())
     else:
+        leaps = _single(changes)
+    if not len(leaps):
         return []
+    advice = (
+        "If so, make a file of each, or give each its interval of `rows`. If not, look for lost rows, or for a sensor "
+        "that was set to zero; if it snaps faster than it is logged, log it faster."
+    )
+    if leaps.tolist() == [0]:
+        advice = f"Leave the first row out if the sensor was not ready: `rows = [1]`. {advice}"
     return [
         Finding(
             kind="jump",
             level="warning",
             channel=name,
             text=f"`{name}` jumps by {changes[leaps].max():.3g} {_times(leaps)}, first at {_first(facts, leaps)} s; "
-            f"elsewhere it changes by at most {most:.2g} from row to row: does another recording begin there?",
-            advice="If so, make a file of each, or give each its interval of `rows`. If not, look for lost rows, or "
-            "for a sensor that was set to zero.",
+            f"elsewhere it changes by at most {np.delete(changes, leaps).max(initial=0.0):.2g} from row to row: does "
+            "another recording begin there?",
+            advice=advice,
             spans=_at(facts, leaps),
         )
     ]
+
+
+def _single(changes: np.ndarray) -> np.ndarray:
+    """Few changes that are far beyond the others; what moves on in the next sample is a fast motion."""
+    order = np.argsort(-changes)
+    for count in range(1, min(_MOST_LEAPS, len(changes) // _USUAL_CHANGES) + 1):
+        leaps, most = np.sort(order[:count]), float(changes[order[count]])
+        if 0 < _FAR * most < changes[order[count - 1]] and np.diff(leaps).min(initial=_APART) >= _APART:
+            return leaps
+    return order[:0]
 
 
 def _times(samples: np.ndarray) -> str:

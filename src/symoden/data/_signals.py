@@ -11,7 +11,8 @@ _SIGMA: Final = 1.4826  # standard deviation of a Gaussian over the median of it
 _MODES, _PARTS, _RECURS = 5, 6, 0.003
 _ON_GRID, _ON_GRID_TOO, _NEAR, _TINY = 0.85, 0.6, 0.1, 1e-3
 _LEAST_CHANGES = 0.01  # share of the samples; a staircase changes more seldom, and is no rounding
-_MOST_ALIKE = 0.9  # share of changes by the same multiple; those of a ramp are all alike
+_STEADY = 0.5  # share of the commonest changes that follow each other
+_FEWEST_OTHERS = 3  # changes beside these, pauses included
 _LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
 _EQUAL: Final = 1e-9  # of the signal's range: changes that are no more are errors of floats
 _USUAL: Final = 0.95  # share of the steps that are at most a usual one
@@ -76,8 +77,8 @@ def quantum(signal: np.ndarray) -> float:
     """Step to whose multiples a signal is rounded.
 
     It is the largest number, among the commonest changes from sample to sample, the smallest that recurs and whole
-    fractions of them, of which 85 % of all changes are multiples, and most of those that are not the commonest one. By
-    the same from sample to sample changes what moves steadily, too, but by anything where it sets off.
+    fractions of them, of which 85 % of all changes are multiples. What moves steadily changes by the same from sample
+    to sample, too, but by anything where it sets off: there other changes must be multiples as well.
 
     Args:
         signal: Consecutive samples.
@@ -85,9 +86,9 @@ def quantum(signal: np.ndarray) -> float:
     Returns:
         The step; 0 where there is none, or the signal changes too seldom to tell.
     """
-    changes = np.abs(np.diff(signal))
+    every = np.abs(np.diff(signal))
     span = float(np.ptp(signal))
-    changes = changes[changes > _EQUAL * span]
+    changes = every[every > _EQUAL * span]
     if span == 0 or len(changes) < max(10, _LEAST_CHANGES * len(signal)):
         return 0.0
     binned = np.round(np.log10(changes), 2)
@@ -95,16 +96,24 @@ def quantum(signal: np.ndarray) -> float:
     recurs = np.flatnonzero(counts >= max(3.0, _RECURS * len(changes)))[:1]
     modes = [np.median(changes[binned == bins[i]]) for i in (*np.argsort(counts)[-_MODES:], *recurs)]
     candidates = sorted({float(mode) / part for mode in modes for part in range(1, _PARTS + 1)}, reverse=True)
-    for step in candidates:
-        whole = changes[changes > _TINY * step] / step
-        near = (np.abs(whole - np.round(whole)) < _NEAR) & (np.round(whole) >= 1)
-        if near.mean() < _ON_GRID:
-            continue
-        multiples, alike = np.unique(np.round(whole[near]), return_counts=True)
-        others = near[~near | (np.round(whole) != multiples[np.argmax(alike)])]
-        if alike.max() <= _MOST_ALIKE * len(signal) and others.sum() >= _ON_GRID_TOO * len(others):
-            return step
-    return 0.0
+    return next((step for step in candidates if _is_grid(every / step)), 0.0)
+
+
+def _is_grid(changes: np.ndarray) -> bool:
+    """Whether changes from sample to sample, in steps, are those of a signal that is rounded to these steps."""
+    nearest = np.round(changes)
+    moves = changes > _TINY
+    on_grid = (np.abs(changes - nearest) < _NEAR) & (nearest >= 1)
+    if not on_grid.sum() >= _ON_GRID * moves.sum():
+        return False
+    multiples, counts = np.unique(nearest[on_grid], return_counts=True)
+    usual = on_grid & (nearest == multiples[np.argmax(counts)])
+    if np.sum(usual[1:] & usual[:-1]) <= _STEADY * usual.sum():
+        return True  # Steps that come one by one.
+    pauses = np.count_nonzero(np.diff(~moves, prepend=False) & ~moves)
+    others = moves & ~usual
+    count = pauses + others.sum()
+    return bool(count >= _FEWEST_OTHERS and pauses + np.sum(on_grid & others) >= _ON_GRID_TOO * count)
 
 
 def noise_level(

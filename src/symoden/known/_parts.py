@@ -98,6 +98,13 @@ class KnownParts:
         by_robot = () if self.robot is None else _OF_ROBOTS
         return tuple(name for name in PARTS if getattr(self, name) is not None or name in by_robot)
 
+    @property
+    def fixed(self) -> tuple[str, ...]:
+        """Names of the parts of which nothing is learned."""
+        learned = {*self.correct, *(() if self.robot is None else _OF_ROBOTS)}
+        learned |= {part for part, name in _used_names(self) if name in self.parameters}
+        return tuple(name for name in self.given if name not in learned)
+
     def formulas(self, name: str) -> tuple[str, ...] | None:
         """Formulas of a part, row by row; None where it is a Python function, a robot's or not given.
 

@@ -58,9 +58,7 @@ class Relevance(NamedTuple):
 
         def precision(node: PyTree) -> PyTree:
             begun = float(isinstance(node, Correction) and node.kind == FRICTION)
-            return jax.tree.map(
-                lambda x: jax.device_put(prior / np.fmax(1.0, begun * np.asarray(x, float) ** 2)), node
-            )
+            return jax.tree.map(lambda x: jax.device_put(prior / np.fmax(1.0, begun * np.asarray(x, float) ** 2)), node)
 
         free = eqx.filter(model, trainable(model))
         precision = jax.tree.map(precision, free, is_leaf=lambda node: isinstance(node, Correction))
