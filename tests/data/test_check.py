@@ -27,6 +27,7 @@ def stick(log, column, start, stop):
 )
 @example(seed=0, samples=501, step=0.002, quantum=0.02, noise=0.0, amplitude=0.375)  # 23 changes in 500 samples
 @example(seed=234, samples=954, step=0.0078125, quantum=0.02, noise=0.0, amplitude=0.375)  # q2 turns in 0.7 s
+@example(seed=500, samples=500, step=0.002, quantum=0.0, noise=1e-3, amplitude=0.5)  # Noise beside slow velocities
 def test_nothing_is_wrong_with_a_good_log(tmp_path_factory, seed, samples, step, quantum, noise, amplitude):
     log = arm(seed, samples=samples, step=step, quantum=quantum, noise=noise, amplitude=amplitude)
     assume(np.ptp(log[:, 1:3], axis=0).min() > 10 * quantum)
@@ -172,6 +173,11 @@ def test_wraps_are_facts_and_other_jumps_are_wrong(tmp_path_factory, seed):
     assert found(path) == [("jump", "warning", "q2")]
     (jump,) = (one for one in check_dataset(path).recordings[0].findings if one.kind == "jump")
     assert "but not a whole one, once, first at" in jump.text
+
+
+@pytest.mark.parametrize("samples", [100, 200])
+def test_a_turned_velocity_of_a_recording_shorter_than_a_second_is_named(tmp_path, samples):
+    assert found(written(tmp_path, scale(arm(samples=samples, jitter=0.0), v2=-1)))[-1] == ("sign", "warning", "v2")
 
 
 def test_of_times_out_of_order_it_is_not_said_what_rests(tmp_path):

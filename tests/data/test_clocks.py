@@ -59,6 +59,12 @@ def test_a_clock_that_is_said_to_be_in_too_large_a_unit_is_named_with_the_right_
     assert [f'"t [x]" = "{unit}"' in one.advice for one in findings] == [True, True]
 
 
+def test_no_unit_is_offered_that_the_description_has_already(tmp_path):
+    path = written(tmp_path, (1.0, 1e9))
+    path.write_text('units = {"t [x]" = "ns"}\n' + path.read_text())
+    assert "unit" not in {one.kind for each in check_dataset(path).recordings for one in each.findings}
+
+
 def test_minutes_are_the_users_word(tmp_path):
     path = written(tmp_path, (0.1, 1))
     path.write_text('units = {"t [x]" = 60}\n' + path.read_text())

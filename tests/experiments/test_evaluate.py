@@ -11,6 +11,7 @@ import pytest
 
 from symoden.data import Dataset, Trajectory
 from symoden.experiments import Source, _evaluate, predict, score_recordings, score_task, simulate, task
+from symoden.experiments._windows import short_windows
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
@@ -231,7 +232,7 @@ def test_inputs_are_held_as_the_data_say():
 
 @pytest.mark.parametrize(
     ("seconds", "others", "horizon"),
-    [(0.95, 3.0, 0.5), (0.5, 3.0, 0.5), (0.45, 0.3, 0.2), (0.1, 0.95, 0.1), (0.06, 0.3, 0.05), (1.0, 3.0, 1.0)],
+    [(0.95, 3.0, 0.5), (0.5, 3.0, 0.5), (0.45, 0.35, 0.2), (0.1, 0.75, 0.1), (0.06, 0.3, 0.05), (1.0, 3.0, 1.0)],
 )
 def test_windows_are_as_short_as_a_part_whose_recordings_all_are_asks_for(seconds, others, horizon):
     trained, tested = (recorded(np.linspace(0.0, each, 97)) for each in (others, seconds))
@@ -247,6 +248,19 @@ def test_windows_are_as_short_as_a_part_whose_recordings_all_are_asks_for(second
         starts = starts[recording.ts[starts] + horizon <= recording.ts[-1] + 1e-9]
         errors = [np.sqrt(np.mean(written_out(Pendulum(), recording, k, k + stop)[1:] ** 2)) for k in starts]
         assert score.window_rmse.median == pytest.approx(np.median(errors), rel=0.05)
+
+
+@pytest.mark.parametrize(("samples", "horizon"), [(2, 1.0), (10, 1.0), (12, 0.1), (60, 0.5)])
+def test_a_part_of_hardly_any_samples_makes_no_windows_of_hardly_any(samples, horizon):
+    parts = {"train": (recorded(0.01 * np.arange(500)),), "test": (recorded(0.01 * np.arange(samples)),)}
+    scores = score_recordings(Pendulum(), Dataset(name="d", space="T1", **parts), solver=RK4(1))
+    assert [score.window_rmse.horizon_s for score in scores] == [horizon] * 2
+    assert np.isfinite(scores[0].window_rmse.median)
+
+
+def test_no_window_of_few_samples_counts_twice():
+    found = short_windows(recorded(np.array([0.0, 0.3, 0.31, 0.9])), 0.5)
+    assert len(found) == len(set(found))
 
 
 def test_a_diverging_model_has_infinite_errors():

@@ -197,7 +197,7 @@ def _search(name: str, logs: Sequence[Log], i: int, *, is_angle: bool) -> Iterat
 def _wraps(ts: np.ndarray, q: np.ndarray) -> bool:
     """Whether a position jumps by turns and nothing else."""
     turns, others = jumps(ts, q, longest=longest_step(np.diff(ts)))
-    return len(turns) > len(others)
+    return len(turns) > 0 and not len(others)
 
 
 def _ordered(log: Log) -> Int[np.ndarray, " k"]:

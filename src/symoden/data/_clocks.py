@@ -15,6 +15,7 @@ _OTHER: Final = 100  # times longer or shorter: no logger's rates differ so much
 _NEAR: Final = 3.0  # factor up to which a unit explains it, since rates differ too
 _SLOW: Final = 1.0  # Step [s] from which time stamps are rather in another unit: no mechanism is logged so slowly.
 _FAST: Final = 1e-4  # Step [s] below which they are rather in seconds already, if those are a logger's.
+_ROUNDING: Final = 1e-6
 _UNITS: Final = ((1e3, "milliseconds", "ms"), (1e6, "microseconds", "us"), (1e9, "nanoseconds", "ns"))
 
 
@@ -57,11 +58,14 @@ def _slow(log: Log, step: float, description: Description) -> tuple[Finding, ...
     told = description.units.get(name, 1.0)
     if name in description.units and told >= 1:
         return ()  # In minutes: a slow machine.
-    word, key = next((word, key) for factor, word, key in reversed(_UNITS) if step / told >= factor / 1e3 * _SLOW)
+    smaller = [each for each in _UNITS if each[0] * told > 1 + _ROUNDING and step / told >= each[0] / 1e3 * _SLOW]
+    if not smaller:
+        return ()
+    _, word, key = smaller[-1]
     advice = (
         f"Write {entry({name: key}, {column: unit for column, unit in description.units.items() if column != name})}."
     )
-    if step / told == 1:
+    if step == told == 1:
         advice = f"If it counts rows, leave `time` out and write `dt`, the time between two [s]. Otherwise: {advice}"
     return (
         Finding(

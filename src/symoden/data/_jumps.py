@@ -88,7 +88,8 @@ def _leaps(facts: Facts, i: int, ends: Sequence[float]) -> list[Finding]:
     changes = np.abs(np.diff(q)) * usual / np.maximum(steps, usual)  # Across rows that are left out it goes farther.
     changes[(steps > facts.longest) | np.isin(facts.ts[:-1], ends)] = 0.0
     if facts.v is not None and facts.ratios[i].agrees:
-        leaps = np.flatnonzero(changes > _FASTER * usual * np.abs(facts.v[:, i]).max())
+        least = _FASTER * usual * np.abs(facts.v[:, i]).max() + _FAR * facts.positions[i].accuracy.size
+        leaps = np.flatnonzero(changes > least)
     else:
         leaps = _single(changes)
     if not len(leaps):

@@ -145,6 +145,7 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
             for one, told, mends in ((v, q, 1 / known), (q, v, known)):
                 if one in columns and told in facts.units:  # That one may be wrong.
                     advice = f"If `{one}` is right, write {entry({told: mends}, facts.units)}; otherwise write {write}."
+                    break
             return [
                 Finding(
                     kind="unit",

@@ -13,6 +13,7 @@ OVERLAP: Final = 4
 """Windows that start within the length of one."""
 
 _SHORTER: Final = (0.5, 0.2, 0.1)  # Times a power of ten.
+_FEWEST_STEPS: Final = 10  # In a window.
 _INSTANT: Final = 1e-9  # [s]
 
 
@@ -24,13 +25,17 @@ def horizon_of(dataset: Dataset) -> float:
 
     Returns:
         1 s; where all recordings of one of its parts are shorter, the longest of 0.5, 0.2, 0.1, 0.05, … s that fits
-        into half of those of each.
+        into half of those of each, apart from what is shorter than ten samples anywhere.
     """
     parts = [part for part in (dataset.train, dataset.validation, dataset.test) if part]
     lengths = [np.array([float(_elapsed(each)[-1]) for each in part]) for part in parts]
     if all(part.max() + _INSTANT >= HORIZON for part in lengths):
         return HORIZON
-    usual = min(float(np.median(part)) for part in lengths) + _INSTANT
+    steps = [float(np.median(np.diff(each.ts))) for part in parts for each in part]
+    long = [part[part + _INSTANT >= _FEWEST_STEPS * max(steps)] for part in lengths]
+    usual = min((float(np.median(part)) for part in long if len(part)), default=HORIZON) + _INSTANT
+    if usual >= HORIZON:
+        return HORIZON
     power = 10.0 ** np.floor(np.log10(usual) + 1)
     return float(next(share * power for share in _SHORTER if share * power <= usual))
 
@@ -47,7 +52,7 @@ def short_windows(recording: Trajectory, horizon: float = HORIZON) -> list[tuple
     """
     elapsed = _elapsed(recording)
     starts = np.arange(0.0, elapsed[-1] - horizon + _INSTANT, horizon / OVERLAP)
-    firsts = np.searchsorted(elapsed, starts - _INSTANT)
+    firsts = np.unique(np.searchsorted(elapsed, starts - _INSTANT))
     stops = np.searchsorted(elapsed, elapsed[firsts] + horizon + _INSTANT)
     # Where time stamps are irregular, the window after the last start may end after the recording.
     complete = elapsed[firsts] + horizon <= elapsed[-1] + _INSTANT
