@@ -252,8 +252,8 @@ def test_windows_are_as_short_as_a_part_whose_recordings_all_are_asks_for(second
 
 @pytest.mark.parametrize(("samples", "horizon"), [(2, 1.0), (10, 1.0), (12, 0.1), (60, 0.5)])
 def test_a_part_of_hardly_any_samples_makes_no_windows_of_hardly_any(samples, horizon):
-    parts = {"train": (recorded(0.01 * np.arange(500)),), "test": (recorded(0.01 * np.arange(samples)),)}
-    scores = score_recordings(Pendulum(), Dataset(name="d", space="T1", **parts), solver=RK4(1))
+    train, test = (recorded(0.01 * np.arange(each)) for each in (500, samples))
+    scores = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(train,), test=(test,)), solver=RK4(1))
     assert [score.window_rmse.horizon_s for score in scores] == [horizon] * 2
     assert np.isfinite(scores[0].window_rmse.median)
 
