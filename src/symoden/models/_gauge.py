@@ -58,6 +58,7 @@ def rescale(model: Model, beta: float) -> Model:
 
     Example:
         >>> import jax
+        >>> import jax.numpy as jnp
         >>> from symoden.models import ModelConfig, build
         >>> from symoden.spaces import Space
         >>> model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
