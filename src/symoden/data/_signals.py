@@ -11,7 +11,6 @@ _SIGMA: Final = 1.4826  # standard deviation of a Gaussian over the median of it
 _MODES, _PARTS, _RECURS = 5, 6, 0.003
 _ON_GRID, _ON_GRID_TOO, _NEAR, _TINY = 0.85, 0.6, 0.1, 1e-3
 _LEAST_CHANGES = 0.01  # share of the samples; a staircase changes more seldom, and is no rounding
-_STEADY = 0.5  # share of the commonest changes that follow each other
 _FEWEST_OTHERS = 3  # changes beside these, pauses included
 _LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
 _EQUAL: Final = 1e-9  # of the signal's range: changes that are no more are errors of floats
@@ -78,7 +77,8 @@ def quantum(signal: np.ndarray) -> float:
 
     It is the largest number, among the commonest changes from sample to sample, the smallest that recurs and whole
     fractions of them, of which 85 % of all changes are multiples. What moves steadily changes by the same from sample
-    to sample, too, but by anything where it sets off: there other changes must be multiples as well.
+    to sample, too, but by anything where it sets off: of the other changes most must be multiples, too, pauses being
+    some.
 
     Args:
         signal: Consecutive samples.
@@ -108,8 +108,6 @@ def _is_grid(changes: np.ndarray) -> bool:
         return False
     multiples, counts = np.unique(nearest[on_grid], return_counts=True)
     usual = on_grid & (nearest == multiples[np.argmax(counts)])
-    if np.sum(usual[1:] & usual[:-1]) <= _STEADY * usual.sum():
-        return True  # Steps that come one by one.
     pauses = np.count_nonzero(np.diff(~moves, prepend=False) & ~moves)
     others = moves & ~usual
     count = pauses + others.sum()
