@@ -1,7 +1,7 @@
 """Jumps of positions: wraps of an angle, and what no machine moves from one sample to the next."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -29,50 +29,26 @@ def find_jumps(facts: Facts, i: int, stuck: Sequence[Finding]) -> list[Finding]:
     Returns:
         The findings.
     """
-    name = facts.positions[i].name
     turns, others = jumps(facts.ts, facts.q[:, i], longest=facts.longest)
-    ends = [end for finding in stuck if finding.channel == name for _, end in finding.spans]
+    ends = [end for finding in stuck if finding.channel == facts.positions[i].name for _, end in finding.spans]
     others = others[~np.isin(facts.ts[others], ends)]
-    found = []
-    if len(turns) and facts.is_angle[i]:
-        found.append(
-            Finding(
-                kind="wrap",
-                level="note",
-                channel=name,
-                text=f"`{name}` jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s: taken for "
-                "wraps of the angle, and removed",
-                advice="Nothing need be done.",
-                spans=_at(facts, turns),
-            )
-        )
-    elif len(turns) and not len(others) and _quiet(facts.q[:, i], turns):
-        found.append(
-            Finding(
-                kind="wrap",
-                level="warning",
-                channel=name,
-                text=f"`{name}` jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s, as a wrapped "
-                "angle does, but the description calls it a length",
-                advice="If it is an angle, give its factor of `space` the letter T instead of R.",
-                spans=_at(facts, turns),
-            )
-        )
-    if len(others) and facts.is_angle[i]:
-        found.append(
-            Finding(
-                kind="jump",
-                level="warning",
-                channel=name,
-                text=f"`{name}` jumps by more than half a turn, but not a whole one, {_times(others)}, first at "
-                f"{_first(facts, others)} s",
-                advice="An angle must move by less than half a turn between samples: look for outliers, lost samples, "
-                "or another unit (degrees?).",
-                spans=_at(facts, others),
-            )
-        )
-    named = len(found) > 0 and not (facts.is_angle[i] and not len(others))  # All but wraps of an angle.
-    return found if named else [*found, *_leaps(facts, i, ends)]
+    by_turns = f"jumps by 2π {_times(turns)}, first at {_first(facts, turns)} s" if len(turns) else ""
+    if not facts.is_angle[i]:
+        if len(turns) and not len(others) and _quiet(facts.q[:, i], turns):
+            text = f"{by_turns}, as a wrapped angle does, but the description calls it a length"
+            advice = "If it is an angle, give its factor of `space` the letter T instead of R."
+            return [_finding(facts, i, turns, "wrap", "warning", text, advice)]
+        return _leaps(facts, i, ends)
+    taken = f"{by_turns}: taken for wraps of the angle, and removed"
+    wraps = [_finding(facts, i, turns, "wrap", "note", taken, "Nothing need be done.")] if len(turns) else []
+    if not len(others):
+        return [*wraps, *_leaps(facts, i, ends)]
+    text = f"jumps by more than half a turn, but not a whole one, {_times(others)}, first at {_first(facts, others)} s"
+    advice = (
+        "An angle must move by less than half a turn between samples: look for outliers, lost samples, or another unit "
+        "(degrees?)."
+    )
+    return [*wraps, _finding(facts, i, others, "jump", "warning", text, advice)]
 
 
 def _leaps(facts: Facts, i: int, ends: Sequence[float]) -> list[Finding]:
@@ -81,7 +57,6 @@ def _leaps(facts: Facts, i: int, ends: Sequence[float]) -> list[Finding]:
     Returns:
         One finding, or none.
     """
-    name = facts.positions[i].name
     q = np.unwrap(facts.q[:, i]) if facts.is_angle[i] else facts.q[:, i]
     steps = np.diff(facts.ts)
     usual = float(np.median(steps))
@@ -100,18 +75,12 @@ def _leaps(facts: Facts, i: int, ends: Sequence[float]) -> list[Finding]:
     )
     if leaps.tolist() == [0]:
         advice = f"Leave the first row out if the sensor was not ready: `rows = [1]`. {advice}"
-    return [
-        Finding(
-            kind="jump",
-            level="warning",
-            channel=name,
-            text=f"`{name}` jumps by {changes[leaps].max():.3g} {_times(leaps)}, first at {_first(facts, leaps)} s; "
-            f"elsewhere it changes by at most {np.delete(changes, leaps).max(initial=0.0):.2g} from row to row: does "
-            "another recording begin there?",
-            advice=advice,
-            spans=_at(facts, leaps),
-        )
-    ]
+    text = (
+        f"jumps by {changes[leaps].max():.3g} {_times(leaps)}, first at {_first(facts, leaps)} s; elsewhere it changes "
+        f"by at most {np.delete(changes, leaps).max(initial=0.0):.2g} from row to row: does another recording begin "
+        "there?"
+    )
+    return [_finding(facts, i, leaps, "jump", "warning", text, advice)]
 
 
 def _single(changes: np.ndarray) -> np.ndarray:
@@ -139,6 +108,16 @@ def _quiet(q: np.ndarray, turns: np.ndarray) -> bool:
     return float(np.abs(np.delete(np.diff(q), turns)).max(initial=0.0)) < np.pi / 4
 
 
-def _at(facts: Facts, samples: np.ndarray) -> tuple[tuple[float, float], ...]:
-    """The steps after samples, as stretches of time."""
-    return tuple((float(facts.ts[k]), float(facts.ts[k + 1])) for k in samples)
+def _finding(
+    facts: Facts,
+    i: int,
+    samples: np.ndarray,
+    kind: Literal["wrap", "jump"],
+    level: Literal["note", "warning"],
+    text: str,
+    advice: str,
+) -> Finding:
+    """What is said of the steps after samples of coordinate i."""
+    name = facts.positions[i].name
+    spans = tuple((float(facts.ts[k]), float(facts.ts[k + 1])) for k in samples)
+    return Finding(kind=kind, level=level, channel=name, text=f"`{name}` {text}", advice=advice, spans=spans)

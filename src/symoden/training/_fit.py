@@ -136,10 +136,7 @@ def fit(
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
     watch = Stopwatch(max_minutes)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
-
-        def guessing(step: int, steps: int, loss: float) -> None:
-            progress(Progress("first guess", step, steps, loss, None, watch.seconds))
-
+        guessing = lambda step, most, loss: progress(Progress("first guess", step, most, loss, None, watch.seconds))
         stages, state, fresh = _prepare(dataset, model, config, guessing)
         begun = state.model
         counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
