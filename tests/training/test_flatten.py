@@ -5,10 +5,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, Correction, Network, without_silent
+from symoden.blocks import (
+    ACTUATION,
+    CORRECTIONS,
+    DIRECTIONS,
+    FRICTION,
+    NETWORKS,
+    POTENTIAL,
+    Correction,
+    Network,
+    silenced,
+    without_silent,
+)
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
-from symoden.training._flatten import Flattening
+from symoden.training._flatten import Flattening, freed
 
 FULL = ModelConfig(
     inverse_mass=BlockConfig(hidden=(3,), constant=True),
@@ -47,3 +58,18 @@ def test_what_is_free_or_says_something_stays(small, scrambled):
     assert networks(restore.lean(theta)(theta)) == networks(model) > 0
     loud = scrambled(model, 1, 0.3)
     assert networks(without_silent(loud)) == networks(loud)
+
+
+@pytest.mark.parametrize("space", ["T1", "R1 T1", "R2"])
+@pytest.mark.parametrize("closed", [0, POTENTIAL, FRICTION | DIRECTIONS, NETWORKS, CORRECTIONS])
+def test_corrections_are_closed_by_their_kinds(space, closed, scrambled):
+    plain = build(FULL, Space.parse(space), 1, key=jax.random.key(3))
+    loud = scrambled(plain, 1, 0.3)
+    assert freed(loud) & closed or not closed
+    assert freed(silenced(loud, closed)) == freed(loud) & ~closed
+    restore, theta = Flattening.of(silenced(loud, closed), corrections=0)
+    assert theta == pytest.approx(Flattening.of(loud, corrections=0)[1])  # All else stays as it is.
+    state = jnp.linspace(0.3, 0.9, 2 * plain.space.size)
+    lean = without_silent(restore(theta))
+    expected = silenced(loud, closed).derivative(jnp.zeros(()), state, jnp.ones(1))
+    assert np.asarray(lean.derivative(jnp.zeros(()), state, jnp.ones(1))) == pytest.approx(np.asarray(expected))

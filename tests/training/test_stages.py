@@ -109,6 +109,14 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     )
     assert stages[0].margin is None
     assert [each.name for each in stages if each.unless] == ["potential and friction"]
+    assert not any(each.closes for each in stages)  # Without validation it would be kept whatever it is.
+    held_out = _data.hold_out(pendulum(samples=400), dataclasses.replace(config, validation=0.25))
+    judged = line_up(held_out, model, [model], config)
+    closing = [each for each in judged if isinstance(each, LevenbergStage) and each.closes]
+    assert [(each.name, each.corrections, each.closes) for each in closing] == [
+        ("friction instead", FRICTION, POTENTIAL)
+    ]
+    assert closing[0].margin == 0.0
     for before, after in itertools.pairwise(stages):
         assert after.whitens == (not after.corrections & ~before.corrections)  # What sets nothing free.
         assert after.margin is not None

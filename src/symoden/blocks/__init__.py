@@ -61,6 +61,7 @@ from ._trainable import (
     count_parameters as count_parameters,
     is_silent as is_silent,
     kinds_in_use as kinds_in_use,
+    silenced as silenced,
     trainable as trainable,
     without_silent as without_silent,
 )
@@ -122,6 +123,7 @@ __all__ = [
     "lower_triangle",
     "monomials",
     "products",
+    "silenced",
     "trainable",
     "with_parameters",
     "without_silent",

@@ -5,6 +5,7 @@ import operator
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
@@ -76,6 +77,29 @@ def is_silent(node: object) -> bool:
         case _:
             return False
     return not any(np.any(np.asarray(each)) for each in numbers)
+
+
+def silenced(model: PyTree, kinds: int) -> PyTree:
+    """A model without the corrections of some kinds, which may be set free again.
+
+    Args:
+        model: Any tree of modules.
+        kinds: Which, as flags.
+
+    Returns:
+        The model, with zeros in their last layers, or in all their weights.
+    """
+
+    def zero(node: object) -> object:
+        if not isinstance(node, Correction) or not node.kind & kinds:
+            return node
+        if isinstance(node.function, Network):
+            where = lambda each: (each.function.perceptron.weights[-1], each.function.perceptron.biases[-1])
+            return eqx.tree_at(where, node, replace_fn=jnp.zeros_like)
+        learned, given = eqx.partition(node, trainable(node))
+        return eqx.combine(jax.tree.map(jnp.zeros_like, learned), given)
+
+    return jax.tree.map(zero, model, is_leaf=lambda node: isinstance(node, Correction))
 
 
 def kinds_in_use(model: PyTree, q: Coordinates) -> int:

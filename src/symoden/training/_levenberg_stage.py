@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import DIRECTIONS, FRICTION, count_parameters
+from symoden.blocks import DIRECTIONS, FRICTION, count_parameters, silenced
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
@@ -58,6 +58,7 @@ class LevenbergStage(AbstractStage):
         frees: It sets something free: nothing is done where that is free already, and steps go on as long as they fit
             the data clearly better, unless validation says that all is lost.
         unless: Kinds of corrections, as flags; where one of them is free the stage has nothing to do.
+        closes: Kinds, as flags, that are zero again in what it begins with; where none is free it has nothing to do.
         guess: A model to begin with where its rollouts are better than those of the best one so far.
         fresh: An untrained model to begin with in any case. What stages before have set free and kept is free, but for
             friction's laws: from wide priors on these take up what is not yet explained.
@@ -82,6 +83,7 @@ class LevenbergStage(AbstractStage):
     widens: bool = False
     frees: bool = False
     unless: int = 0
+    closes: int = 0
     guess: AbstractDynamics | None = None
     fresh: AbstractDynamics | None = None
     plain: int = 0
@@ -97,7 +99,7 @@ class LevenbergStage(AbstractStage):
         free = self._free(state.best, state.best)
         if state.origin < self.after or not count_parameters(state.best, corrections=free):
             return False
-        if self.unless & freed(state.best):
+        if self.unless & freed(state.best) or (self.closes and not self.closes & freed(state.best)):
             return False
         if self.margin is not None and self.fresh is None and not math.isfinite(state.best_loss):
             return False  # There is nothing to improve on, nor to judge by.
@@ -293,7 +295,7 @@ class LevenbergStage(AbstractStage):
         if self.fresh is not None:
             return self.fresh
         if self.guess is None or self._loss(state.best, state.substeps) <= self._loss(self.guess, state.substeps):
-            return state.best
+            return silenced(state.best, self.closes)
         return self.guess
 
     def _loss(self, model: AbstractDynamics, substeps: int) -> float:
@@ -309,7 +311,7 @@ class LevenbergStage(AbstractStage):
         """Why the stage has nothing to do, if so."""
         if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
             return "nothing left to explain"
-        if self.frees and not self.corrections & ~freed(state.best):
+        if self.frees and not self.closes and not self.corrections & ~freed(state.best):
             return "free already"
         if self.rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
             return "the recordings tell too little of each other"

@@ -146,6 +146,9 @@ def _further(
     lengths, and the series of single angles, are asked for early. On angles networks come last, since harmonics hold
     what rigid bodies have, and cogging; a series that was refused stays closed then.
 
+    A V that was set free takes up what friction does, and leaves none to be found: the laws are asked for once more in
+    the place of its correction, and stay if validation gains at all, since they are fewer numbers and only take energy.
+
     If V's was refused, it is asked for once more together with friction's laws: of a drive with cogging and dry
     friction, either alone bends to take up what the other leaves.
 
@@ -180,20 +183,21 @@ def _further(
     turns = has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)
     bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
     of = "regression: " if regression else ""
+    further = functools.partial(LevenbergStage, data, config, steps=grow, frees=True, margin=_CLEAR)
+    instead = rubs and bends and data.validation is not None  # Without, it would be kept whatever it is.
     asked = (
-        ("inertia", INERTIA, 0, _CLEAR, has(INERTIA) and fits(judged | DIRECTIONS | INERTIA)),
-        ("actuation", ACTUATION, 0, _CLEAR, turns),
-        ("potential", POTENTIAL, 0, _CLEAR, bends),
-        ("friction", FRICTION, 0, _CHANCE, rubs),
-        ("potential and friction", POTENTIAL | FRICTION, POTENTIAL, _CLEAR, rubs and bends),
-        ("directions", FRICTION | DIRECTIONS, 0, _CLEAR, rubs and has(DIRECTIONS)),
+        (has(INERTIA) and fits(judged | DIRECTIONS | INERTIA), further(of + "inertia", corrections=INERTIA)),
+        (turns, further(of + "actuation", corrections=ACTUATION)),
+        (bends, further(of + "potential", corrections=POTENTIAL)),
+        (rubs, further(of + "friction", corrections=FRICTION, margin=_CHANCE)),
+        (instead, further(of + "friction instead", corrections=FRICTION, closes=POTENTIAL, margin=0.0)),
+        (
+            rubs and bends,
+            further(of + "potential and friction", corrections=POTENTIAL | FRICTION, unless=POTENTIAL),
+        ),
+        (rubs and has(DIRECTIONS), further(of + "directions", corrections=FRICTION | DIRECTIONS)),
     )
-    further = functools.partial(LevenbergStage, data, config, frees=True)
-    stages = [
-        further(of + name, grow, kinds, unless=unless, margin=margin)
-        for name, kinds, unless, margin, sensible in asked
-        if sensible
-    ]
+    stages = [stage for sensible, stage in asked if sensible]
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
     if learns:
         stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))
