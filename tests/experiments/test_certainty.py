@@ -229,6 +229,19 @@ def test_no_band_covers_what_diverges(trained):
     assert score_bands(bands, [calm, wild]).coverage == pytest.approx(held_by_bands, rel=1e-9)
 
 
+@pytest.mark.parametrize("lost", [0, 1, 2])
+def test_validation_windows_that_diverge_widen_bands(trained, lost):
+    result, dataset = trained
+    held = hold_out(dataset, STEPS)
+    posterior = infer_posterior(result.model, dataset, STEPS)
+    calm = held.test[0]
+    wild = dataclasses.replace(calm.cut(0, 10, name="wild"), us=np.full_like(calm.us, 1e300)[:10])
+    validation = (*held.test[:12], *[wild] * lost)
+    bands = calibrate_bands(posterior, dataclasses.replace(held, validation=validation, test=()), solver=RK4(2))
+    score = score_bands(bands, validation)
+    assert score.coverage == pytest.approx(0.9, abs=0.01)  # Of all, what diverges included.
+
+
 def test_bands_look_at_some_windows_of_long_logs_that_are_spaced_evenly(monkeypatch):
     ts = np.linspace(0.0, 10.0, 201)
     rest = np.zeros((len(ts), 1))

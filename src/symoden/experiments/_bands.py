@@ -79,8 +79,9 @@ class Bands:
     Half of a band, squared, is that of the uncertain parameters and that of the errors on the training recordings so
     long after the start. These have no normal distribution (what a swing-up's last window has is many times what is
     usual), so that theirs goes by a quantile of their own. A common factor makes the bands cover as much of the
-    validation recordings as they should (split conformal prediction), if these have many windows. Few may cover more
-    by chance, or because they rest: they can widen bands, but not narrow them.
+    validation recordings as they should (split conformal prediction), what diverges among them counting as outside, if
+    these have many windows. Few may cover more by chance, or because they rest: they can widen bands, but not narrow
+    them.
 
     Attributes:
         posterior: What the data say of the model's parameters.
@@ -174,10 +175,12 @@ def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: A
     )
     if not dataset.validation:
         return bands
-    (error, half, _), _ = bands.along(dataset.validation)
+    (error, half, _), lost = bands.along(dataset.validation)
     if not error.size:
         raise ValueError("Bands need rollouts that stay finite; all of those along the validation recordings diverge.")
-    factor = float(np.quantile(error / half, LEVEL))
+    # What diverges lies outside, however wide bands are: of the others more must lie inside.
+    level = min(1.0, LEVEL * (len(error) + lost) / len(error))
+    factor = float(np.quantile(error / half, level))
     if factor <= 1 and len(_windows_of(dataset.validation)) < _ENOUGH:
         return bands
     return dataclasses.replace(bands, factor=factor, calibrated_on="validation")
