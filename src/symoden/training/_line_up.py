@@ -53,7 +53,7 @@ def line_up(
     free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
     weak = regression_data(dataset, dynamics, config) if free and can_regress(dynamics, config) else None
-    first = dynamics.space.size >= _MANY
+    first = weak is not None and dynamics.space.size >= _MANY
     if weak is not None and first:
         stages.extend(_regression(dynamics, weak, config))
     elif weak is not None and not candidates:
@@ -70,7 +70,7 @@ def line_up(
                 name,
                 config.adam_steps,
                 fresh,
-                yields=(weak is not None and first) or bool(freed(fresh) & POTENTIAL),
+                yields=first or bool(freed(fresh) & POTENTIAL),
             )
             for name, fresh in zip(names, candidates, strict=True)
         )
@@ -86,7 +86,8 @@ def line_up(
                 LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess, widens=not first)
             )
         longer = longer_data(dataset, dynamics, data, config)
-        stages.extend(_further(dynamics, data, longer, config))
+        answered = first and energies_are_given(dynamics)
+        stages.extend(_further(dynamics, data, longer, config, turns_are_known=answered))
         stages.extend(_growth(dataset, dynamics, [data, *longer][-1], config, after=len(stages)))
     return stages
 
@@ -134,13 +135,15 @@ def _further(
     config: TrainingConfig,
     *,
     regression: bool = False,
+    turns_are_known: bool = False,
 ) -> list[LevenbergStage]:
     """Corrections: of inertia, inputs and V; friction's laws, directions, and what of all that is needed.
 
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
     where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
-    turn, if refused, are asked for once more (`_actuation_anew`).
+    turn, if refused, are asked for once more (`_actuation_anew`). Where M and V are given a regression is linear in g,
+    and its answer stands (`turns_are_known`): on six joints rollouts take minutes to ask again.
 
     The same goes for a V that is no polynomial of lengths, or has more than an angle's first harmonics: the network of
     lengths, and the series of single angles, are asked for early. On angles networks come last, since harmonics hold
@@ -180,7 +183,7 @@ def _further(
     rubs = has(FRICTION) and (not regression or dynamics.space.size >= _MANY)
     judged = FRICTION if rubs else 0
     learns = learn > 0 and fits(judged)
-    turns = has(ACTUATION) and fits(judged | DIRECTIONS | ACTUATION)
+    turns = has(ACTUATION) and not turns_are_known and fits(judged | DIRECTIONS | ACTUATION)
     bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
     of = "regression: " if regression else ""
     further = functools.partial(LevenbergStage, data, config, steps=grow, frees=True, margin=_CLEAR)
