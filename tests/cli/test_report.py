@@ -95,13 +95,18 @@ def test_tasks_have_a_page(task_run, tmp_path):
     assert any("1.04 ± 1.3" in text for text in Page(path.read_text()).texts["td"])  # the paper's, beside ours
 
 
-def test_models_without_an_energy_have_a_page(tmp_path, arm):
-    naive = dataclasses.replace(SMALL, kind="naive")
-    folder, path = write_untrained_run(tmp_path / "naive", arm, naive), tmp_path / "report.html"
+@pytest.mark.parametrize("kind", ["naive", "geometric", "unstructured", "symoden"])
+def test_every_kind_of_model_can_be_looked_at(kind, tmp_path, arm, capsys):
+    model = dataclasses.replace(SMALL, kind=kind)
+    folder, path = write_untrained_run(tmp_path / kind, arm, model), tmp_path / "report.html"
     assert main(["report", str(folder), "--out", str(path)]) == 0
     page = Page(path.read_text())
     assert "Predictions" in page.texts["h2"]
-    assert any("no M, V, g and D" in text for text in page.texts["p"])
+    assert any("no M, V, g and D of its own" in text for text in page.texts["p"]) == (kind != "symoden")
+    assert main(["inspect", str(folder)]) == 0
+    capsys.readouterr()
+    assert main(["evaluate", str(folder), "--bands"]) == 0
+    assert "bands" in capsys.readouterr().out
 
 
 def test_inspect_and_evaluate_draw(arm_run, tmp_path, capsys):

@@ -22,6 +22,7 @@ from symoden.experiments import (
     simulate,
     task,
 )
+from symoden.experiments._batches import entire
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space
@@ -227,6 +228,23 @@ def test_no_band_covers_what_diverges(trained):
     )
     held_by_bands = np.sum(error <= half) / (error.size + lost * error.shape[1])
     assert score_bands(bands, [calm, wild]).coverage == pytest.approx(held_by_bands, rel=1e-9)
+
+
+def test_bands_go_on_where_angles_go_round_whatever_the_model(trained):
+    _, dataset = trained
+    ts, us = np.linspace(0.0, 1.0, 21), np.zeros((21, 1))
+    fall = np.exp(-ts)[:, None]  # Under viscous friction.
+    spun = [
+        Trajectory(name=f"spun{k}", ts=ts, q=q0 + rate * (1 - fall), rates=rate * fall, us=us)
+        for k, (q0, rate) in enumerate([(9.0, 4.0), (-2.0, -5.0), (0.0, 7.0), (3.0, 1.0), (-9.0, 6.0), (3.1, -2.0)])
+    ]
+    spinning = dataclasses.replace(dataset, train=tuple(spun), test=(), validation=())
+    naive = fit(spinning, model=ModelConfig(kind="naive", flow=(4,)), config=STEPS).model
+    bands = calibrate_bands(infer_posterior(naive, spinning, STEPS), spinning, solver=RK4(2))
+    for drawn, recording in zip(bands.predict(entire(spun)), spun, strict=True):
+        assert np.abs(np.diff(drawn.q, axis=0)).max() < 1.0  # Without jumps of 2π.
+        assert np.abs(drawn.q - recording.q).max() < 1.0
+        assert drawn.half_width.max() < 3.0
 
 
 @pytest.mark.parametrize("lost", [0, 1, 2])

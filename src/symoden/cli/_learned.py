@@ -46,7 +46,7 @@ class Learned:
         model: Its model.
         source: Its data; None where they cannot be read any more.
         missing: Why not.
-        posterior: What the data say of the model's parameters, where that is known.
+        posterior: What the data say of the parameters of a model with M, V, g and D, where that is known.
         uncertain: Why there are no bands on M, V, g and D.
     """
 
@@ -74,12 +74,13 @@ class Learned:
         except ValueError as error:
             missing = " ".join(str(error).split())
         uncertain = f"the run's data cannot be read: {missing}"
-        if source is not None:
-            uncertain = "" if isinstance(model, StructuredModel) else "this kind of model has no M, V, g and D"
+        if source is not None and not isinstance(model, StructuredModel):
+            uncertain = "this kind of model has no M, V, g and D of its own"
+        elif source is not None:
             try:
-                posterior = posterior_of(run, model, config, source.dataset)
+                posterior, uncertain = posterior_of(run, model, config, source.dataset), ""
             except ValueError as error:
-                uncertain = uncertain or str(error)
+                uncertain = str(error)
         return cls(config=config, model=model, source=source, missing=missing, posterior=posterior, uncertain=uncertain)
 
     def inspect(self, points: int = ROWS) -> tuple[Inspection, Certainty | None]:
@@ -92,7 +93,7 @@ class Learned:
             Both.
         """
         found = inspect_model(self.model, self.config.data.ranges, points=points)
-        if self.posterior is None or found.velocities is None:
+        if self.posterior is None:
             return found, None
         with show_work("bands of M, V, g and D"):
             return found, certainty(self.posterior, found)
@@ -206,8 +207,10 @@ def name_untold_inputs(run: Path, model: AbstractDynamics, config: RunConfig, po
         config: Its settings.
         posterior: What the data say of the model's parameters.
     """
+    if not isinstance(model, StructuredModel):
+        return
     found = inspect_model(model, config.data.ranges, points=ROWS)
-    if found.velocities is None or not config.data.input_names or "input_matrix" in found.given:
+    if not config.data.input_names or "input_matrix" in found.given:
         return
     with show_work("what inputs do"):
         untold = certainty(posterior, found).undetermined

@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.data import Dataset, Trajectory, spaced_evenly
-from symoden.integrate import HOLDS, AbstractSolver, Hold, rollout
+from symoden.integrate import HOLDS, AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics
 from symoden.training import AbstractPosterior, AbstractScatter
 
-from ._batches import Segment, Stretch, in_batches
+from ._batches import Segment, Stretch, in_batches, roll_out
 from ._certainty import LEVEL
 from ._evaluate import paths
 from ._windows import HORIZON, short_windows
@@ -279,7 +279,7 @@ def _predicted(
 
     def one(segment: Segment) -> tuple[Array, Array]:
         def positions(model: AbstractDynamics) -> Float[Array, "T n"]:
-            return rollout(model, segment.q[0], segment.rates[0], segment.ts, segment.us, solver=solver, hold=hold).q
+            return roll_out(model, segment, solver=solver, hold=hold).q
 
         return scatter.moments(positions)
 

@@ -10,6 +10,9 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from symoden.data import Trajectory
+from symoden.integrate import AbstractSolver, Hold, Rollout, rollout
+from symoden.mechanics import AbstractDynamics
+from symoden.models import NaiveModel
 
 Batched: TypeAlias = Callable[["Segment"], PyTree]
 
@@ -64,6 +67,27 @@ class Segment(NamedTuple):
     q: Float[Array, "*B T n"]
     rates: Float[Array, "*B T n"]
     us: Float[Array, "*B T m"]
+
+
+def roll_out(model: AbstractDynamics, segment: Segment, *, solver: AbstractSolver, hold: Hold) -> Rollout:
+    """Roll out a model along a segment from its first state.
+
+    Args:
+        model: Learned model or analytic system.
+        segment: One segment.
+        solver: What advances the rollout.
+        hold: How inputs act between samples.
+
+    Returns:
+        The rollout. Angles of a model that knows them only modulo 2π go on along time from the measured one.
+    """
+    path = rollout(model, segment.q[0], segment.rates[0], segment.ts, segment.us, solver=solver, hold=hold)
+    if not isinstance(model, NaiveModel):
+        return path
+    angles = model.space.angles
+    turned = jnp.unwrap(path.q[:, angles], axis=0)
+    whole = 2 * jnp.pi * jnp.round((segment.q[0, angles] - turned[0]) / (2 * jnp.pi))
+    return path._replace(q=path.q.at[:, angles].set(turned + whole[None]))
 
 
 def entire(trajectories: Sequence[Trajectory]) -> list[Stretch]:

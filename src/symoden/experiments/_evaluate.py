@@ -11,13 +11,12 @@ from jaxtyping import Float
 
 from symoden.blocks import without_silent
 from symoden.data import Dataset, Trajectory
-from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout, rollout
+from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
 from symoden.mechanics import AbstractDynamics
-from symoden.models import NaiveModel
 from symoden.spaces import Space
 from symoden.training import find_first_state
 
-from ._batches import Segment, Stretch, entire, in_batches
+from ._batches import Segment, Stretch, entire, in_batches, roll_out
 from ._paper import MeanStd
 from ._sources import Source
 from ._windows import horizon_of, short_windows
@@ -300,29 +299,13 @@ def paths(
     lean = without_silent(model)
     for i, path in in_batches(lambda batch: _rollouts(lean, batch, solver, hold), stretches):
         samples = len(stretches[i])
-        q = path.q[:samples]
-        if isinstance(model, NaiveModel):
-            q = _continued(q, stretches[i].q[0], model.space)
-        yield i, Prediction(q=q, rates=path.rates[:samples], observations=path.observations[:samples])
+        yield i, Prediction(q=path.q[:samples], rates=path.rates[:samples], observations=path.observations[:samples])
 
 
 @eqx.filter_jit
 def _rollouts(model: AbstractDynamics, batch: Segment, solver: AbstractSolver, hold: Hold) -> Rollout:
     """Roll out a batch of segments."""
-
-    def one(segment: Segment) -> Rollout:
-        return rollout(model, segment.q[0], segment.rates[0], segment.ts, segment.us, solver=solver, hold=hold)
-
-    return jax.vmap(one)(batch)
-
-
-def _continued(q: Float[np.ndarray, "T n"], q0: Float[np.ndarray, " n"], space: Space) -> Float[np.ndarray, "T n"]:
-    """Angles of a model that knows them only modulo 2π, continued along time from the measured one."""
-    q, angles = q.copy(), space.angles
-    with np.errstate(invalid="ignore"):
-        turned = np.unwrap(q[:, angles], axis=0)
-        q[:, angles] = turned + 2 * np.pi * np.round((q0[angles] - turned[0]) / (2 * np.pi))
-    return q
+    return jax.vmap(lambda segment: roll_out(model, segment, solver=solver, hold=hold))(batch)
 
 
 def squared_error(model: AbstractDynamics, space: Space, measured: Trajectory, predicted: Prediction) -> float:
