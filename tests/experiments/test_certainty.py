@@ -224,7 +224,7 @@ def test_no_band_covers_what_diverges(trained):
     (error, half, _), lost = bands.along([calm, wild])
     assert lost > 0
     assert len(error) + lost == sum(
-        stop - start - 1 for one in (calm, wild) for start, stop in _bands.judged_windows(one)
+        stop - start - 1 for one in (calm, wild) for start, stop in _bands.judged_windows(one, bands.horizon)
     )
     held_by_bands = np.sum(error <= half) / (error.size + lost * error.shape[1])
     assert score_bands(bands, [calm, wild]).coverage == pytest.approx(held_by_bands, rel=1e-9)

@@ -11,7 +11,7 @@ import pytest
 
 from symoden.data import Dataset, Trajectory
 from symoden.experiments import Source, _evaluate, predict, score_recordings, score_task, simulate, task
-from symoden.experiments._windows import short_windows
+from symoden.experiments._windows import horizon_of, short_windows
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
@@ -256,6 +256,26 @@ def test_a_part_of_hardly_any_samples_makes_no_windows_of_hardly_any(samples, ho
     scores = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(train,), test=(test,)), solver=RK4(1))
     assert [score.window_rmse.horizon_s for score in scores] == [horizon] * 2
     assert np.isfinite(scores[0].window_rmse.median)
+
+
+@pytest.mark.parametrize(
+    ("step", "horizon"), [(0.25, 1.0), (0.3, 2.0), (0.5, 2.0), (0.6, 5.0), (2.0, 10.0), (5.0, 20.0)]
+)
+def test_windows_are_as_long_as_rare_samples_ask_for(step, horizon):
+    dataset = Dataset(name="d", space="T1", train=(recorded(step * np.arange(100)),))
+    (score,) = score_recordings(Pendulum(), dataset, solver=RK4(1))
+    assert score.window_rmse.horizon_s == pytest.approx(horizon)
+    assert not np.isnan(score.window_rmse.median)
+
+
+@pytest.mark.parametrize("start", [0.0, 1.7e9, 1.7e9 + 0.1234567])
+@pytest.mark.parametrize("seconds", [0.2, 1.0, 3.0])
+def test_stamps_since_1970_make_the_same_windows(start, seconds):
+    ts = np.round(np.arange(0.0, seconds + 1e-9, 0.005), 3)
+    plain, late = recorded(ts), recorded(start + ts)
+    horizon = horizon_of(Dataset(name="d", space="T1", train=(plain,)))
+    assert horizon_of(Dataset(name="d", space="T1", train=(late,))) == horizon
+    assert short_windows(late, horizon) == short_windows(plain, horizon)
 
 
 def test_no_window_of_few_samples_counts_twice():

@@ -258,6 +258,17 @@ def test_units_do_not_make_a_matrix_definite_or_not(unit):
             check(name, *entries)
 
 
+@pytest.mark.parametrize("coupling", [1e-2, 1e-5, 1e-9])
+@pytest.mark.parametrize("other", [0, 1])
+def test_a_joint_without_friction_of_its_own_has_no_coupling_however_small(coupling, other):
+    """vᵀ D v = 2 ε v₁ v₂ + d v₂² is negative at v = (−1, ε)."""
+    v = np.array([-1.0, coupling])
+    matrix: Any = [[0, coupling], [coupling, other]]
+    assert v @ np.array(matrix) @ v < 0
+    with pytest.raises(ValueError, match="`dissipation_matrix` must be positive semidefinite"):
+        check_known(KnownParts(dissipation_matrix=matrix), SPACE, 1, STATES, RATES)
+
+
 MISFITS = [
     ({"mass_matrix": [[1]]}, "`mass_matrix` must be 2 × 2; got 1 × 1"),
     ({"input_matrix": [[1, 0], [0, 1]]}, "`input_matrix` must be 2 × 1; got 2 × 2"),

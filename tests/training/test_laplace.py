@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from symoden.blocks import FRICTION, NETWORKS, Constant, Correction, JointFriction, Sum, kinds_in_use
-from symoden.data import Dataset
+from symoden.data import Dataset, Trajectory
 from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig, StructuredModel, build
 from symoden.spaces import Space
@@ -95,6 +95,55 @@ def test_the_covariance_is_the_sandwich_and_without_information_the_prior(seed, 
     assert factor @ factor.T == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
     assert (factor @ factor.T)[3, 3] == pytest.approx(1 / priors[3], rel=1e-9)
     assert effective == pytest.approx(np.trace(bread @ squares) / (inflation * variance), rel=1e-9)
+
+
+@pytest.mark.parametrize(("times", "wider"), [(0.5, 1.0), (3.0, 3.0)])
+def test_errors_on_validation_data_widen_bands_where_they_are_larger_than_those_of_training(pendulum, times, wider):
+    clean = pendulum(count=2, samples=25)
+    model, dataset = identified(clean, 0)
+
+    def erring(recording, true):
+        return dataclasses.replace(recording, q=true.q + times * (recording.q - true.q), name=f"{recording.name} again")
+
+    validation = tuple(map(erring, dataset.train, clean.train))
+    posteriors = [
+        infer_posterior(model, dataclasses.replace(dataset, validation=part), STEPS) for part in ((), validation)
+    ]
+    without, judged = (
+        np.linalg.norm(posterior.project(lambda model: model.parameters.values), axis=1) for posterior in posteriors
+    )
+    assert judged == pytest.approx(wider * without, rel=0.2)  # The model is not quite the true one.
+
+
+def test_errors_that_add_up_count_as_what_is_new_in_them_where_training_learns_priors():
+    """A cart under forces of known pattern, and under others at random that were not recorded."""
+    generator, dt, sigma, steps = np.random.default_rng(0), 0.05, 0.3, 160
+    known = KnownParts(
+        mass_matrix=[[1]],
+        potential_energy=0,
+        input_matrix=[["g"]],
+        dissipation_matrix=[[0]],
+        parameters={"g": 1.0},
+    )
+
+    def recording(k):
+        us = generator.choice([-1.0, 1.0], size=(steps, 1))
+        a = us + sigma * generator.normal(size=us.shape)
+        rates = np.concatenate([[[0.0]], np.cumsum(dt * a, axis=0)])
+        q = np.concatenate([[[0.0]], np.cumsum(dt * rates[:-1] + dt**2 / 2 * a, axis=0)])
+        return Trajectory(
+            name=f"run{k}", ts=dt * np.arange(steps + 1), q=q, rates=rates, us=np.append(us, us[-1:], axis=0)
+        )
+
+    dataset = Dataset(name="cart", space="R1", train=tuple(map(recording, range(25))), known=known)
+    model = build(MODEL, Space.parse("R1"), 1, known=known, key=jax.random.key(0))
+    plain, learning = (
+        np.linalg.norm(infer_posterior(model, dataset, config).project(lambda model: model.parameters.values))
+        for config in (dataclasses.replace(STEPS, lm_horizon=20, relevance_steps=count) for count in (0, 1))
+    )
+    least = sigma / np.sqrt(25 * steps)  # Of the regression of accelerations, whose errors are independent, on inputs.
+    assert learning == pytest.approx(least, rel=0.2)
+    assert plain > 2 * least
 
 
 @pytest.mark.parametrize("windows", [5, 8, 20])

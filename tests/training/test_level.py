@@ -15,7 +15,8 @@ from symoden.integrate import HOLDS, RK4
 from symoden.models import build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
-from symoden.training._level import expected_level
+from symoden.training._gauss_newton import NormalEquations
+from symoden.training._level import expected_level, independent_variance
 from symoden.training._objective import Batch, Objective
 
 WEIGHTS = jnp.array([1.0, 0.5, 2.0])
@@ -65,6 +66,27 @@ def test_a_model_that_is_wrong_by_more_than_the_noise_pins_them(problem):
     levels = [level((0.05, 0.05), measured((0.05, 0.05)), change=change) for change in (0.0, 0.1, 0.2)]
     assert levels == sorted(levels)
     assert levels[0] < levels[-1]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.25, 0.4])
+def test_what_fitting_many_parameters_has_used_up_is_not_taken_for_less_noise(share):
+    generator, windows, samples = np.random.default_rng(0), 12, 10
+    variances, losses = [], []
+    for _ in range(50):
+        J = 1e3 * generator.normal(size=(windows, samples, round(share * windows * samples)))
+        rows, noise = J.reshape(windows * samples, -1), generator.normal(size=windows * samples)
+        residuals = noise - rows @ np.linalg.lstsq(rows, noise)[0]
+        scores = np.einsum("wkp,wk->wp", J, residuals.reshape(windows, samples))
+        equations = NormalEquations(
+            rows.T @ rows / len(rows),
+            scores.sum(axis=0) / len(rows),
+            residuals.reshape(windows, samples, 1),
+            scores.T @ scores,
+        )
+        variances.append(independent_variance(equations))
+        losses.append(equations.loss)
+    assert np.mean(losses) == pytest.approx(1 - share, rel=0.08)
+    assert np.mean(variances) == pytest.approx(1.0, rel=0.08)  # The noise's own.
 
 
 def test_they_stay_as_measured_where_nothing_can_be_told(problem):

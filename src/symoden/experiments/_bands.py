@@ -1,6 +1,7 @@
 """Predictions with bands, as wide as validation recordings ask for."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
@@ -18,14 +19,14 @@ from symoden.training import AbstractPosterior, AbstractScatter
 from ._batches import Segment, Stretch, in_batches, roll_out
 from ._certainty import LEVEL
 from ._evaluate import paths
-from ._windows import HORIZON, short_windows
+from ._windows import HORIZON, OVERLAP, horizon_of, short_windows
 
 _BINS = 20
 _BATCH: Final = 8192  # Samples that are linearised at once at most.
 _TOGETHER: Final = 16  # Windows: a program takes longer to make than to run on more.
 _MOST_WINDOWS = 2000  # Eight minutes, at four windows in a second; hours of logs tell no more.
 _TINY = 1e-12
-_ENOUGH: Final = 9  # Validation windows: of fewer, chance leaves none outside where one in ten should be.
+_ENOUGH: Final = 9  # Validation windows that do not overlap: of fewer, chance leaves none outside where one should be.
 
 Variances: TypeAlias = Callable[[Float[np.ndarray, " N"]], Float[np.ndarray, "N n"]]
 
@@ -39,7 +40,7 @@ class BandScore:
         calibrated_on: Part that set the width of the bands: validation recordings, or training without them.
         split: Part that was looked at.
         horizon_s: How long the windows are that were looked at, in the median [s]: 1, or less where recordings are
-            shorter.
+            shorter, or more where samples are rare (`horizon_of`).
         coverage: Share of its positions that lie in their bands.
         half_width: Median half width, in the data's units.
         from_parameters: Median share of the band, squared, that comes from uncertain parameters; the rest is noise and
@@ -91,6 +92,7 @@ class Bands:
         tail: Quantile of errors over the root of that.
         factor: What half a band is multiplied with.
         calibrated_on: Part that set the factor.
+        horizon: Length of the windows that bands are judged and drawn over, if recordings are as long [s].
     """
 
     posterior: AbstractPosterior
@@ -100,6 +102,7 @@ class Bands:
     tail: float
     factor: float
     calibrated_on: str
+    horizon: float
 
     def predict(self, stretches: Sequence[Stretch]) -> list[BandedPath]:
         """Roll out stretches of recordings, each from its first state.
@@ -126,7 +129,7 @@ class Bands:
         return [found[i] for i in range(len(stretches))]
 
     def along(self, recordings: Sequence[Trajectory]) -> tuple[tuple[Float[np.ndarray, "N n"], ...], int]:
-        """Roll out windows of 1 s and compare them with what was measured, sample after sample.
+        """Roll out windows and compare them with what was measured, sample after sample.
 
         Args:
             recordings: Recordings.
@@ -135,7 +138,7 @@ class Bands:
             Absolute errors, half widths, and the share that comes from uncertain parameters, those that are not finite
             left out; and of how many samples these are.
         """
-        stretches = _windows_of(recordings)
+        stretches = _windows_of(recordings, self.horizon)
         columns = []
         for stretch, path in zip(stretches, self.predict(stretches), strict=True):
             error = np.abs(path.q - stretch.q)[1:]
@@ -161,8 +164,8 @@ def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: A
     """
     if not dataset.train:
         raise ValueError("Bands need the recordings that the model was trained on; there are none.")
-    hold = HOLDS[dataset.hold]
-    elapsed, errors = _errors(posterior.model, _windows_of(dataset.train), hold, solver)
+    hold, horizon = HOLDS[dataset.hold], max(HORIZON, horizon_of(dataset))
+    elapsed, errors = _errors(posterior.model, _windows_of(dataset.train, horizon), hold, solver)
     noise = _by_elapsed(elapsed, errors)
     bands = Bands(
         posterior=posterior,
@@ -172,22 +175,24 @@ def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: A
         tail=float(np.quantile(np.abs(errors) / np.sqrt(noise(elapsed)), LEVEL)),
         factor=1.0,
         calibrated_on="train",
+        horizon=horizon,
     )
     if not dataset.validation:
         return bands
     (error, half, _), lost = bands.along(dataset.validation)
     if not error.size:
         raise ValueError("Bands need rollouts that stay finite; all of those along the validation recordings diverge.")
+    apart = sum(math.ceil(len(judged_windows(each, horizon)) / OVERLAP) for each in dataset.validation)
     # What diverges lies outside, however wide bands are: of the others more must lie inside.
     level = min(1.0, LEVEL * (len(error) + lost) / len(error))
     factor = float(np.quantile(error / half, level))
-    if factor <= 1 and len(_windows_of(dataset.validation)) < _ENOUGH:
+    if factor <= 1 and apart < _ENOUGH:
         return bands
     return dataclasses.replace(bands, factor=factor, calibrated_on="validation")
 
 
 def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = "test") -> BandScore:
-    """See how many measured positions bands cover, over windows of 1 s.
+    """See how many measured positions bands cover.
 
     Args:
         bands: The bands.
@@ -203,13 +208,14 @@ def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = 
     if not recordings:
         raise ValueError(f"Bands need recordings in the part `{split}` to be judged by; there are none.")
     (error, half, share), lost = bands.along(recordings)
+    horizon = bands.horizon
     if not error.size:
         raise ValueError(f"Bands need rollouts that stay finite; all of those along the {split} recordings diverge.")
     return BandScore(
         level=LEVEL,
         calibrated_on=bands.calibrated_on,
         split=split,
-        horizon_s=float(np.median([min(HORIZON, each.duration) for each in _windows_of(recordings)])),
+        horizon_s=float(np.median([min(horizon, each.duration) for each in _windows_of(recordings, horizon)])),
         coverage=float(np.mean(error <= half)) * len(error) / (len(error) + lost),  # No band holds what diverges.
         half_width=float(np.median(half)),
         from_parameters=float(np.median(share)),
@@ -224,24 +230,25 @@ class _Path(NamedTuple):
     variance: Float[np.ndarray, "T n"]
 
 
-def judged_windows(recording: Trajectory) -> list[tuple[int, int]]:
-    """Find the windows that bands are judged and drawn over: those of 1 s, or a shorter recording as a whole.
+def judged_windows(recording: Trajectory, horizon: float) -> list[tuple[int, int]]:
+    """Find the windows that bands are judged and drawn over; a recording that is shorter is one as a whole.
 
     Args:
         recording: Any recording.
+        horizon: Their length [s].
 
     Returns:
         Samples [start, stop) of each.
     """
-    return short_windows(recording) or [(0, len(recording))]
+    return short_windows(recording, horizon) or [(0, len(recording))]
 
 
-def _windows_of(recordings: Sequence[Trajectory]) -> list[Stretch]:
-    """Windows of 1 s, of many some; a recording that is shorter, such as a held-out end, is one window."""
+def _windows_of(recordings: Sequence[Trajectory], horizon: float) -> list[Stretch]:
+    """Windows, of many some; a recording that is shorter, such as a held-out end, is one window."""
     found = [
         Stretch(trajectory=recording, start=start, stop=stop)
         for recording in recordings
-        for start, stop in judged_windows(recording)
+        for start, stop in judged_windows(recording, horizon)
     ]
     return [found[i] for i in spaced_evenly(len(found), _MOST_WINDOWS)]
 

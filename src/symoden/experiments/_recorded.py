@@ -50,7 +50,7 @@ def recorded_paths(
         recordings: Recordings of any lengths.
         hold: What an input is between samples, a key of `HOLDS`.
         solver: What advances rollouts.
-        bands: Makes the windows of 1 s.
+        bands: Makes the windows.
 
     Returns:
         What was predicted of each.
@@ -58,7 +58,8 @@ def recorded_paths(
     whole = predict(model, recordings, hold=hold, solver=solver)
     windows: list[list[BandedPath]] = [[] for _ in recordings]
     if bands is not None:
-        cut = [(k, *edges) for k, each in enumerate(recordings) for edges in judged_windows(each)[::OVERLAP]]
+        edges = [judged_windows(each, bands.horizon)[::OVERLAP] for each in recordings]
+        cut = [(k, *window) for k, of_one in enumerate(edges) for window in of_one]
         stretches = [Stretch(trajectory=recordings[k], start=start, stop=stop) for k, start, stop in cut]
         for (k, _, _), path in zip(cut, bands.predict(stretches), strict=True):
             windows[k].append(path)

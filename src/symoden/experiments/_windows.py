@@ -13,8 +13,9 @@ OVERLAP: Final = 4
 """Windows that start within the length of one."""
 
 _SHORTER: Final = (0.5, 0.2, 0.1)  # Times a power of ten.
-_FEWEST_STEPS: Final = 10  # In a window.
-_INSTANT: Final = 1e-9  # [s]
+_LONGER: Final = (1.0, 2.0, 5.0, 10.0)
+_FEWEST_STEPS: Final = 10  # In a window shorter than a second.
+_INSTANT: Final = 1e-6  # [s]; stamps that count from 1970 are rounded to 2.4e-7 s.
 
 
 def horizon_of(dataset: Dataset) -> float:
@@ -24,14 +25,19 @@ def horizon_of(dataset: Dataset) -> float:
         dataset: Recordings.
 
     Returns:
-        1 s; where all recordings of one of its parts are shorter, the longest of 0.5, 0.2, 0.1, 0.05, … s that fits
-        into half of those of each, apart from what is shorter than ten samples anywhere.
+        1 s; where samples are so rare that a quarter of it has no step, the shortest of 2, 5, 10, 20, … s of which a
+        quarter has one; where all recordings of one of its parts are shorter than 1 s, the longest of 0.5, 0.2, 0.1,
+        0.05, … s that fits into half of those of each, apart from what is shorter than ten samples anywhere.
     """
     parts = [part for part in (dataset.train, dataset.validation, dataset.test) if part]
+    steps = [float(np.median(np.diff(each.ts))) for part in parts for each in part]
+    if steps and OVERLAP * max(steps) > HORIZON + _INSTANT:
+        least = OVERLAP * max(steps) - _INSTANT
+        power = 10.0 ** np.floor(np.log10(least))
+        return float(next(share * power for share in _LONGER if share * power >= least))
     lengths = [np.array([float(_elapsed(each)[-1]) for each in part]) for part in parts]
     if all(part.max() + _INSTANT >= HORIZON for part in lengths):
         return HORIZON
-    steps = [float(np.median(np.diff(each.ts))) for part in parts for each in part]
     long = [part[part + _INSTANT >= _FEWEST_STEPS * max(steps)] for part in lengths]
     usual = min((float(np.median(part)) for part in long if len(part)), default=HORIZON) + _INSTANT
     if usual >= HORIZON:

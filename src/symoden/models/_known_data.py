@@ -120,7 +120,8 @@ def _without_units(matrices: Float[np.ndarray, "K n n"]) -> Float[np.ndarray, "K
     """Matrices whose diagonals are ±1 or 0: 200 kg beside 1e-4 kg m² is as definite as in any other units."""
     scale = np.sqrt(np.abs(np.diagonal(matrices, axis1=1, axis2=2)))
     # Beside a zero on the diagonal of a semidefinite matrix there are zeros: what is not counts as large.
-    others = np.abs(matrices).max(axis=2) / np.maximum(scale.max(axis=1, keepdims=True), 1e-300)
+    rows, largest = np.abs(matrices).max(axis=2), scale.max(axis=1, keepdims=True)
+    others = rows / np.where(largest > 0, largest, np.sqrt(np.maximum(rows.max(axis=1, keepdims=True), 1e-300)))
     scale = np.where(scale > 0, scale, np.where(others > 0, others, 1.0))
     return matrices / scale[:, :, None] / scale[:, None, :]
 
