@@ -264,10 +264,10 @@ def test_bands_look_at_some_windows_of_long_logs_that_are_spaced_evenly(monkeypa
     ts = np.linspace(0.0, 10.0, 201)
     rest = np.zeros((len(ts), 1))
     log = Trajectory(name="log", ts=ts, q=rest, rates=rest, us=rest)
-    every = [stretch.start for stretch in _bands._windows_of([log, log])]
+    every = [stretch.start for stretch in _bands._windows_of([log, log], 1.0)]
     assert len(every) == 2 * 37
     monkeypatch.setattr(_bands, "_MOST_WINDOWS", 5)
-    some = [stretch.start for stretch in _bands._windows_of([log, log])]
+    some = [stretch.start for stretch in _bands._windows_of([log, log], 1.0)]
     assert some == [0, *(every[i] for i in (18, 36, 55)), every[-1]]
 
 
