@@ -82,6 +82,15 @@ def test_parameters_begin_at_their_start_and_keep_its_sign():
     assert count_parameters(PARAMETERS) == 3
 
 
+def test_what_starts_at_zero_counts_in_its_unit_and_nothing_else_does():
+    start = {"m": 2.0, "b": -0.5, "o": 0.0, "p": 0.0}
+    plain, scaled = (Parameters.init(start, units=units) for units in (None, {"o": 1e3}))
+    theta = jnp.array([0.3, -0.2, -4.0, 5.0])
+    values = [np.asarray(eqx.tree_at(lambda p: p.theta, each, theta).values) for each in (plain, scaled)]
+    assert values[1] == pytest.approx(values[0] * [1, 1, 1e3, 1], rel=1e-14)
+    assert count_parameters(scaled) == 4
+
+
 def test_blocks_share_their_parameters():
     blocks = (FormulaBlock(formula("m*q1"), ONE), FormulaFriction(formula("m*v1", shape=(1, 1)), Known(jnp.array(3.0))))
     moved = eqx.tree_at(lambda p: p.theta, PARAMETERS, jnp.log(jnp.array([2.0, 1.0, 1.0])))

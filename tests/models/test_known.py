@@ -16,6 +16,7 @@ from symoden.known import KnownParts
 from symoden.models import (
     BlockConfig,
     ModelConfig,
+    Scales,
     build,
     check_known,
     given_parts,
@@ -133,6 +134,21 @@ def test_a_known_model_comes_back_from_its_file(correct, scrambled, tmp_path):
     model = scrambled(made(dataclasses.replace(known(*PARTS), correct=correct)), 2)
     save(tmp_path / "model.safetensors", model)
     assert eqx.tree_equal(load(tmp_path / "model.safetensors"), model)
+
+
+def test_parameters_of_older_files_that_start_at_zero_have_unit_one(scrambled, tmp_path):
+    path, parts = tmp_path / "model.safetensors", known(*PARTS, parameters=OPEN | {"b": 0.0})
+    scales = dataclasses.replace(Scales.units(SPACE, 1), parameters={"b": 3.0})
+    new, old = (scrambled(made(parts, scales=each), 2) for each in (scales, None))
+    save(path, new)
+    assert eqx.tree_equal(load(path), new)
+    b, m2 = np.asarray(old.parameters.values)
+    assert np.asarray(new.parameters.values) == pytest.approx([3 * b, m2])
+    save(path, old)
+    arrays, metadata = load_arrays(path)
+    assert metadata["structure"]["fields"]["parameters"]["fields"].pop("unit", "absent") is None
+    save_arrays(path, arrays, metadata)
+    assert eqx.tree_equal(load(path), old)
 
 
 @pytest.mark.parametrize(

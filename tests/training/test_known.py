@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 
 from symoden.blocks import Correction
 from symoden.data import Dataset, Trajectory
@@ -43,6 +44,14 @@ def test_two_parameters_are_recovered_in_a_few_steps(pendulum):
     found: Any = fit(dataset, model=MODEL, config=STEPS).model
     assert found.parameters.names == ("w", "d")
     assert np.asarray(found.parameters.values) == pytest.approx([LOAD, 0.2], rel=1e-4)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e6])
+def test_parameters_that_start_at_zero_are_recovered_in_any_unit(pendulum, unit):
+    parts = EXACT | {"mass_matrix": [[unit * INERTIA]], "input_matrix": [[unit]]}
+    dataset = knowing(pendulum(), **parts, parameters={"w": 0.0, "d": 0.0})
+    found: Any = fit(dataset, model=MODEL, config=STEPS).model
+    assert np.asarray(found.parameters.values) / unit == pytest.approx([LOAD, 0.2], rel=1e-3)
 
 
 def test_a_known_inertia_gives_the_rest_in_physical_units(pendulum):
@@ -133,6 +142,41 @@ def test_scales_are_those_of_the_known_part(name, formulas, factor):
     assert other.momentum == pytest.approx(2 * scales.momentum)
     if factor == "momentum":
         assert scales.momentum == pytest.approx(np.sqrt(np.mean((trajectory.rates * [3, 5]) ** 2, axis=0)))
+
+
+@given(factor=st.floats(-12, 12).map(lambda power: 10.0**power))
+@settings(max_examples=10, deadline=None)
+@pytest.mark.parametrize(
+    ("name", "formulas", "change"),
+    [
+        ("mass_matrix", [["5", "0"], ["0", "2 + c*o"]], [[0, 0], [0, 1]]),
+        ("mass_matrix", [["5", "c*o"], ["c*o", "2"]], [[0, 1], [1, 0]]),
+        ("potential_energy", "c*o*q1", [1, 0]),
+        ("input_matrix", [["3"], ["c*o"]], [0, 1]),
+        ("dissipation_matrix", [["c*o", "0"], ["0", "0"]], [[1, 0], [0, 0]]),
+    ],
+)
+def test_a_parameter_that_starts_at_zero_has_the_unit_in_which_forces_are_typical(factor, name, formulas, change):
+    parts: dict[str, Any] = {"mass_matrix": [["5", "0"], ["0", "2"]], name: formulas}
+    known = KnownParts(**parts, constants={"c": factor}, parameters={"o": 0.0})
+    scales = measure_scales([recording()], Space.parse("R2"), momenta=False, known=known)
+    typical = scales.force
+    if name == "mass_matrix":
+        change = change @ scales.velocity / scales.time
+    elif name == "input_matrix":
+        typical = np.maximum(typical, [3.0, 0.0])
+    elif name == "dissipation_matrix":
+        change = change @ scales.velocity
+    size = np.linalg.norm(change / typical)
+    assert scales.parameters == {"o": pytest.approx(1 / (factor * size), rel=1e-6)}
+
+
+@pytest.mark.parametrize("formula", ["o**2*q1", "o*p*q1", "o + q1", "sqrt(o**2)*q1"])
+def test_a_parameter_without_effect_at_first_order_has_unit_one(formula):
+    parameters = {"o": 0.0, "w": 2.0} | ({"p": 0.0} if "p" in formula else {})
+    known = KnownParts(potential_energy=f"{formula} + w*q2", parameters=parameters)
+    units = measure_scales([recording()], Space.parse("R2"), momenta=False, known=known).parameters
+    assert units == {name: 1.0 for name, start in parameters.items() if start == 0}
 
 
 def twice(rows):

@@ -1,6 +1,6 @@
 """Formulas as blocks: their text is data, and their parameters are learned once for all blocks that use them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Final, TypeVar, final
 
 import equinox as eqx
@@ -37,7 +37,7 @@ _FUNCTIONS: Final[dict[str, Callable[[Array], Array]]] = {
 
 @final
 class Parameters(eqx.Module):
-    """Numbers with names and start values: start · exp(θ), or θ itself where the start is 0.
+    """Numbers with names and start values: start · exp(θ), or unit · θ where the start is 0.
 
     θ is zero at the start and of order one whatever the unit, so that a prior on it pulls to the start value; and a
     mass or a coefficient of friction keeps its sign.
@@ -47,18 +47,23 @@ class Parameters(eqx.Module):
         start: Start values.
         theta: What is learned.
         links: Rigid bodies, whose numbers are learned likewise; None without any.
+        unit: Natural unit of each number that starts at 0, for the others anything; None for ones.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
     start: Known
     theta: Float[Array, " k"]
     links: Links | None = None
+    unit: Known | None = None
 
     @classmethod
-    def init(cls, start: dict[str, float], links: Links | None = None) -> "Parameters":
-        """Begin at the start values."""
+    def init(
+        cls, start: dict[str, float], links: Links | None = None, units: Mapping[str, float] | None = None
+    ) -> "Parameters":
+        """Begin at the start values, what starts at 0 in units of 1 where none is given."""
         values = jnp.asarray(list(start.values()), float)
-        return cls(tuple(start), Known(values), jnp.zeros_like(values), links)
+        unit = Known(jnp.asarray([units.get(name, 1.0) for name in start], float)) if units else None
+        return cls(tuple(start), Known(values), jnp.zeros_like(values), links, unit)
 
     @property
     def quantities(self) -> dict[str, Array]:
@@ -70,7 +75,8 @@ class Parameters(eqx.Module):
     def values(self) -> Float[Array, " k"]:
         """Values now, in physical units."""
         start = self.start.value
-        return jnp.where(start == 0, self.theta, start * jnp.exp(self.theta))
+        additive = self.theta if self.unit is None else self.unit.value * self.theta
+        return jnp.where(start == 0, additive, start * jnp.exp(self.theta))
 
 
 @final

@@ -16,6 +16,7 @@ from ._known_data import (
     KnownMagnitudes as KnownMagnitudes,
     check_known as check_known,
     known_magnitudes as known_magnitudes,
+    parameter_units as parameter_units,
 )
 from ._scales import Scales as Scales
 from ._structured import StructuredModel as StructuredModel
@@ -41,6 +42,7 @@ __all__ = [
     "given_parts",
     "known_magnitudes",
     "load",
+    "parameter_units",
     "parts_that_fix_the_scale",
     "rescale",
     "save",

@@ -130,7 +130,10 @@ def build(
                 actuation=maker.actuation(actuation_key),
                 friction=NoFriction() if config.kind == "symoden" else maker.friction(friction_key),
             )
-            return model if known is None else insert_known(model, known, maker.corrections(jax.random.fold_in(key, 4)))
+            if known is None:
+                return model
+            corrections = maker.corrections(jax.random.fold_in(key, 4))
+            return insert_known(model, known, corrections, maker.scales.parameters)
 
 
 def awaken(model: AbstractDynamics, *, key: PRNGKeyArray) -> AbstractDynamics:

@@ -1,7 +1,7 @@
 """Blocks of the parts of a mechanism that are given."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -68,13 +68,16 @@ class Corrections(NamedTuple):
     friction: Congruence
 
 
-def insert_known(model: StructuredModel, known: KnownParts, corrections: Corrections) -> StructuredModel:
+def insert_known(
+    model: StructuredModel, known: KnownParts, corrections: Corrections, units: Mapping[str, float] | None = None
+) -> StructuredModel:
     """Put what is given in the place of what would be learned.
 
     Args:
         model: Model that learns all of its blocks.
         known: The given parts.
         corrections: What corrects those of which `known` says so.
+        units: Natural units of parameters that start at 0; ones if absent.
 
     Returns:
         The model.
@@ -82,7 +85,7 @@ def insert_known(model: StructuredModel, known: KnownParts, corrections: Correct
     Raises:
         ValueError: If a part has another shape than its block.
     """
-    given = known_blocks(known, model.space, model.inputs)
+    given = known_blocks(known, model.space, model.inputs, units)
     mass, potential, actuation, friction = given.mass, given.potential, given.actuation, given.friction
     if mass is not None:
         mass = InverseBlock(CorrectedMatrix(mass, corrections.mass) if "mass_matrix" in known.correct else mass)
@@ -102,13 +105,14 @@ def insert_known(model: StructuredModel, known: KnownParts, corrections: Correct
     )
 
 
-def known_blocks(known: KnownParts, space: Space, inputs: int) -> KnownBlocks:
+def known_blocks(known: KnownParts, space: Space, inputs: int, units: Mapping[str, float] | None = None) -> KnownBlocks:
     """Make the blocks of what is given.
 
     Args:
         known: The given parts.
         space: Configuration space, of n coordinates.
         inputs: Number of inputs m.
+        units: Natural units of parameters that start at 0; ones if absent.
 
     Returns:
         The blocks.
@@ -128,12 +132,13 @@ def known_blocks(known: KnownParts, space: Space, inputs: int) -> KnownBlocks:
     friction = found.get("dissipation_matrix")
     if isinstance(friction, AbstractBlock):
         friction = ViscousFriction(friction)
+    named = Parameters.init(dict(known.parameters), links, units) if known.parameters or links is not None else None
     return KnownBlocks(
         mass=found.get("mass_matrix"),
         potential=found.get("potential_energy"),
         actuation=found.get("input_matrix"),
         friction=friction,
-        parameters=Parameters.init(dict(known.parameters), links) if known.parameters or links is not None else None,
+        parameters=named,
     )
 
 

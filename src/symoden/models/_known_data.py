@@ -1,5 +1,6 @@
 """What is given, at the states in the data: whether it can be right, and the units that it implies."""
 
+import dataclasses
 from typing import Final, NamedTuple
 
 import equinox as eqx
@@ -106,6 +107,44 @@ def known_magnitudes(known: KnownParts, space: Space, q: np.ndarray, v: np.ndarr
     return KnownMagnitudes(momentum if momentum is not None and np.all(momentum > 0) else None, force)
 
 
+def parameter_units(
+    known: KnownParts,
+    space: Space,
+    q: np.ndarray,
+    v: np.ndarray,
+    us: np.ndarray,
+    *,
+    acceleration: np.ndarray,
+    force: np.ndarray,
+) -> dict[str, float]:
+    """Natural units of the parameters that start at 0: values that change forces by typical ones.
+
+    Of a part that a parameter stands in, the force is ∂V/∂q, g u, D v, or M times the typical acceleration.
+
+    Args:
+        known: The given parts.
+        space: Configuration space of n coordinates.
+        q: Coordinates (K, n).
+        v: Velocities (K, n).
+        us: Inputs (K, m).
+        acceleration: Typical accelerations (n,).
+        force: Typical forces (n,).
+
+    Returns:
+        The units by name; 1 where no force depends on the parameter at first order.
+    """
+    absent = [name for name, start in known.parameters.items() if start == 0]
+    if not absent:
+        return {}
+    blocks = known_blocks(known, space, us.shape[1])
+    q, v, us = _some(q), _some(v), _some(us)
+    slopes = _slopes(blocks, *(jnp.asarray(rows, float) for rows in (q, v, us, acceleration)))
+    changes = np.concatenate([np.asarray(slope, float) for slope in slopes]) / force[:, None]
+    sizes = np.sqrt(np.sum(np.mean(changes**2, axis=1), axis=(0, 1)))
+    named = dict(zip(known.parameters, sizes.tolist(), strict=True))
+    return {name: 1 / named[name] if 0 < named[name] < np.inf else 1.0 for name in absent}
+
+
 def _some(rows: np.ndarray) -> np.ndarray:
     """Rows from all over the data, at most so many."""
     return rows[:: -(-len(rows) // _STATES)]
@@ -139,6 +178,35 @@ def _values(blocks: KnownBlocks, q: Float[Array, "K n"], v: Float[Array, "K n"])
         inputs=None if actuation is None else jax.vmap(actuation)(q),
         friction=None if friction is None else jax.vmap(friction)(q, v),
     )
+
+
+@eqx.filter_jit
+def _slopes(
+    blocks: KnownBlocks,
+    q: Float[Array, "K n"],
+    v: Float[Array, "K n"],
+    us: Float[Array, "K m"],
+    acceleration: Float[Array, " n"],
+) -> list[Float[Array, "_ K n k"]]:
+    """Derivatives of the forces of each part by the k parameters, one by one where signs beside each other are open."""
+    parameters = blocks.parameters
+    if parameters is None:
+        return []
+
+    def forces(theta: Float[Array, " k"]) -> list[Float[Array, "_ K n"]]:
+        values = _values(blocks._replace(parameters=dataclasses.replace(parameters, theta=theta)), q, v)
+        found = []
+        if values.mass is not None:
+            found.append(jnp.einsum("kij,j->jki", values.mass, acceleration))
+        if values.slope is not None:
+            found.append(values.slope[None])
+        if values.inputs is not None:
+            found.append(jnp.einsum("kij,kj->ki", values.inputs, us)[None])
+        if values.friction is not None:
+            found.append(jnp.einsum("kij,kj->ki", values.friction, v)[None])
+        return found
+
+    return jax.jacfwd(forces)(parameters.theta)
 
 
 def _refuse(name: str, unfit: np.ndarray, q: np.ndarray, v: np.ndarray, what: str) -> None:

@@ -1,6 +1,7 @@
 """Natural units of a mechanism, so that networks read and write numbers of order one whatever the data's units."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +19,8 @@ class Scales:
         momentum: Unit of each momentum: measured where the data are momenta, otherwise the gauge's choice.
         input: Root mean square of each input.
         time: Typical velocity over typical acceleration [s].
+        parameters: Of each named parameter that starts at 0, the value that changes forces by typical ones; 1 for those
+            that are not named here.
     """
 
     center: np.ndarray
@@ -26,6 +29,7 @@ class Scales:
     momentum: np.ndarray
     input: np.ndarray
     time: float
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def units(cls, space: Space, inputs: int) -> "Scales":

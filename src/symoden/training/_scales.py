@@ -1,12 +1,13 @@
 """Natural units of a mechanism, read off its recordings."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from symoden.data import Trajectory, states, time_scales
 from symoden.known import KnownParts
-from symoden.models import KnownMagnitudes, Scales, known_magnitudes
+from symoden.models import KnownMagnitudes, Scales, known_magnitudes, parameter_units
 from symoden.spaces import Space
 
 _IDLE = 1e-3  # Share of the largest rate below which a coordinate rests.
@@ -46,26 +47,28 @@ def measure_scales(
     velocity = np.maximum(velocity, _IDLE * velocity.max(initial=0.0))  # The flicker of an encoder is no motion.
     inputs = _rms(us)
     given = KnownMagnitudes(None, None)
+    at = (*states(trajectories, momenta=momenta), us)
     if known is not None:
-        given = known_magnitudes(known, space, *states(trajectories, momenta=momenta), us)
+        given = known_magnitudes(known, space, *at)
     force = np.abs(input_matrix) @ inputs if input_matrix is not None and np.any(input_matrix) else given.force
-    if momenta:
-        momentum = _rms(rates)
-    elif given.momentum is not None:
-        momentum = given.momentum
-    elif force is not None:
+    momentum = _rms(rates) if momenta else given.momentum
+    if momentum is None and force is not None:
         power = float(np.sum(velocity * force))
         momentum = power * time / (np.count_nonzero(force) * velocity)
-    else:
-        momentum = 1 / velocity
-    return Scales(
+    scales = Scales(
         center=np.concatenate([lengths.mean(axis=0), circles]),
         spread=np.concatenate([_or_one(lengths.std(axis=0)), circles + 1]),
         velocity=velocity,
-        momentum=momentum,
+        momentum=1 / velocity if momentum is None else momentum,
         input=inputs,
         time=time,
     )
+    if known is None:
+        return scales
+    # What is held still, or moves slowly, bears larger forces than accelerate it.
+    largest = np.maximum(scales.force, 0.0 if force is None else force)
+    units = parameter_units(known, space, *at, acceleration=velocity / time, force=largest)
+    return replace(scales, parameters=units)
 
 
 def time_scale(trajectories: Sequence[Trajectory]) -> float:
