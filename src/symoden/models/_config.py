@@ -1,7 +1,10 @@
 """Settings of a model."""
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
+
+from symoden.blocks import ACTIVATIONS
 
 Kind = Literal["dissipative", "unstructured", "symoden", "naive", "geometric"]
 """Name of one of the paper's five models."""
@@ -80,12 +83,22 @@ class ModelConfig:
     scaled: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse an unknown kind and contradictory friction.
+        """Refuse unknown names, contradictory friction, and numbers that no model can have.
 
         Raises:
-            ValueError: If `kind` is no model, or dry friction is asked for on the full state.
+            ValueError: If `kind` is no model or `activation` no nonlinearity, dry friction is asked for on the full
+                state, or a knee or the floor is out of range.
         """
         if self.kind not in KINDS:
             raise ValueError(f"`kind` must be one of {', '.join(KINDS)}; got {self.kind!r}.")
         if self.full_friction and self.knees:
             raise ValueError("Friction on the full state is viscous; got `knees`. Set `knees=()`.")
+        if not all(0 < knee < math.inf for knee in self.knees):
+            raise ValueError(f"Every speed in `knees` must be positive and finite; got {self.knees}.")
+        if not 0 <= self.floor < math.inf:
+            raise ValueError(f"`floor` must be at least 0 and finite; got {self.floor}.")
+        if self.activation is not None and self.activation not in ACTIVATIONS:
+            raise ValueError(
+                f"`activation` must be one of {', '.join(ACTIVATIONS)}, or None to choose it by the space; got "
+                f"{self.activation!r}."
+            )

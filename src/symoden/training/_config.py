@@ -1,5 +1,6 @@
 """Settings of training."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -76,9 +77,10 @@ class TrainingConfig:
         """Refuse settings that cannot train.
 
         Raises:
-            ValueError: If a count is below its least value, or a share is out of range.
+            ValueError: If a count is below its least value, or a share or a number is out of range.
         """
         least = {
+            "seed": 0,
             "substeps": 1,
             "restarts": 1,
             "adam_steps": 0,
@@ -90,7 +92,7 @@ class TrainingConfig:
             "relevance_steps": 0,
         }
         for name, bound in least.items():
-            if getattr(self, name) < bound:
+            if not getattr(self, name) >= bound:
                 raise ValueError(f"`{name}` must be at least {bound}; got {getattr(self, name)}.")
         if not (self.adam_steps or self.lm_steps):
             raise ValueError(
@@ -98,13 +100,15 @@ class TrainingConfig:
             )
         for name in ("horizon", "lm_horizon", "lm_substeps"):
             value = getattr(self, name)
-            if value is not None and value < 1:
+            if value is not None and not value >= 1:
                 raise ValueError(f"`{name}` must be at least 1, or None to choose it from the data; got {value}.")
         if not 0 <= self.validation < 1:
             raise ValueError(f"`validation` must be at least 0 and below 1; got {self.validation}.")
-        if self.learning_rate <= 0 or self.damping <= 0:
-            raise ValueError(
-                f"`learning_rate` and `damping` must be positive; got {self.learning_rate} and {self.damping}."
-            )
-        if self.weight_decay < 0 or self.prior < 0:
-            raise ValueError(f"`weight_decay` and `prior` must be at least 0; got {self.weight_decay}, {self.prior}.")
+        if self.clip is not None and not self.clip > 0:
+            raise ValueError(f"`clip` must be positive, or None for no limit; got {self.clip}.")
+        for name in ("learning_rate", "damping"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise ValueError(f"`{name}` must be positive and finite; got {getattr(self, name)}.")
+        for name in ("weight_decay", "prior"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"`{name}` must be at least 0 and finite; got {getattr(self, name)}.")

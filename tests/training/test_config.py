@@ -1,0 +1,46 @@
+"""Settings that would ruin training are refused, in words; those at the edge of what can be meant are not."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.training import TrainingConfig
+
+POSITIVE = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"seed": -1}, "`seed` must be at least 0; got -1"),
+        ({"batch_size": 0}, "`batch_size` must be at least 1; got 0"),
+        ({"adam_steps": 0, "lm_steps": 0}, "Training must have steps"),
+        ({"lm_horizon": 0}, "`lm_horizon` must be at least 1, or None"),
+        ({"validation": math.nan}, "`validation` must be at least 0 and below 1; got nan"),
+        *[({"clip": value}, f"`clip` must be positive, or None for no limit; got {value}") for value in (0.0, -1.0)],
+        ({"clip": math.nan}, "`clip` must be positive, or None for no limit; got nan"),
+        *[
+            ({name: value}, f"`{name}` must be positive and finite; got {value}")
+            for name in ("learning_rate", "damping")
+            for value in (0.0, -1.0, math.nan, math.inf)
+        ],
+        *[
+            ({name: value}, f"`{name}` must be at least 0 and finite; got {value}")
+            for name in ("weight_decay", "prior")
+            for value in (-1.0, math.nan, math.inf)
+        ],
+    ],
+    ids=str,
+)
+def test_settings_that_cannot_train_are_refused(setting: dict[str, Any], message):
+    with pytest.raises(ValueError, match=message):
+        TrainingConfig(**setting)
+
+
+@given(positive=POSITIVE, seed=st.integers(0, 2**31))
+def test_what_is_left_trains(positive, seed):
+    names = ("clip", "learning_rate", "damping", "weight_decay", "prior")
+    TrainingConfig(seed=seed, **dict.fromkeys(names, positive))
+    TrainingConfig(clip=None, weight_decay=0.0, prior=0.0, validation=0.0)
