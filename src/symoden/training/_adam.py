@@ -107,7 +107,7 @@ class Sampler(eqx.Module):
         seed: Of the whole training.
         size: Windows in a step.
         shuffle: Draw them at random; otherwise take consecutive blocks in turn, as the paper does with the windows of
-            one input.
+            one input. The last block goes on with the first windows where it is not full.
     """
 
     windows: Batch
@@ -121,7 +121,7 @@ class Sampler(eqx.Module):
         if self.shuffle:
             key = jax.random.fold_in(jax.random.key(self.seed), step)
             return self.windows.take(jax.random.randint(key, (self.size,), 0, total))
-        return self.windows.take((step % (total // self.size)) * self.size + jnp.arange(self.size))
+        return self.windows.take((step * self.size + jnp.arange(self.size)) % total)
 
 
 @eqx.filter_jit
