@@ -15,6 +15,7 @@ WHOLE = {
         "check",
         "clocks",
         "impossible",
+        "kinematics",
         "late",
         "masking",
         "stuck",

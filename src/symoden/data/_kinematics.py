@@ -9,7 +9,9 @@ from ._shapes import Times
 
 _BLOCK = 0.1  # [s] over which steps of an encoder average out, and a motion of 5 Hz does not
 _LEAST_STEPS, _LEAST_BLOCKS, _USUAL_BLOCKS = 4, 8, 12
-_ABOVE = 5.0  # times its uncertainty that a displacement must be, to be compared
+_VISIBLE = 3.0  # times its uncertainty that the displacement of a block must be, to be one that moves
+_ABOVE, _FEWEST = 5.0, 4  # times it that those that move must do so on average, and how many there must be
+_SURE = 25.0  # The same times the root of their number: then the factor is known to 5 %.
 TURN: Final = 2 * np.pi
 AGREES: Final = 0.15  # relative deviation up to which a factor is 1
 _LATEST: Final = 0.1  # [s] that filters delay a velocity by.
@@ -143,7 +145,8 @@ def _ratio(
     """Compare displacements with velocities some time later.
 
     The factor is that of least absolute deviations, a weighted median, so that jumps of a wrapped angle do not change
-    it; blocks in which one of both does not change at all, at rest or stuck, do not count.
+    it; blocks in which one of both does not change at all, at rest or stuck, do not count, nor do those in which
+    both are no more than their noise: many machines mostly rest, and chatter where they do.
 
     Returns:
         The factor and how well it fits.
@@ -159,11 +162,16 @@ def _ratio(
     step = float(np.median(np.diff(ts)))
     size = pairs[0, 1] - pairs[0, 0]
     uncertain = accuracy[0].size, accuracy[1].size * step * np.sqrt(size)
-    if np.abs(dq).mean() <= _ABOVE * uncertain[0] or np.abs(integral).mean() <= _ABOVE * uncertain[1]:
+    moving = (np.abs(dq) > _VISIBLE * uncertain[0]) | (np.abs(integral) > _VISIBLE * uncertain[1])
+    dq, integral = dq[moving], integral[moving]
+    if len(dq) < _FEWEST or any(
+        np.abs(way).mean() <= max(_ABOVE, _SURE / np.sqrt(len(way))) * each
+        for way, each in zip((dq, integral), uncertain, strict=True)
+    ):
         return unknown
     weights = np.abs(integral)
-    moving = weights > 0
-    factor = _weighted_median(dq[moving] / integral[moving], weights[moving])
+    goes = weights > 0
+    factor = _weighted_median(dq[goes] / integral[goes], weights[goes])
     unexplained, typical = (_weighted_median(x, weights) for x in (np.abs(dq - factor * integral), np.abs(dq)))
     return Ratio(factor=factor, misfit=unexplained / typical if typical else np.inf)
 

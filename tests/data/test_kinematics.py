@@ -1,0 +1,44 @@
+"""Velocities are compared with their positions where the machine moves, however long it rests and chatters."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from .conftest import arm, found, scale, written
+
+
+def resting(seed=0, *, samples=4000, every=2.0, chatter=0.3):
+    """A log of two joints that go to another place every few seconds, in 0.3 s, and chatter at rest."""
+    rng = np.random.default_rng(seed)
+    t = 0.005 * np.arange(samples)
+    log = arm(seed, samples=samples, jitter=0.0)
+    log[:, 0] = t
+    starts = np.arange(0.5, t[-1], every)
+    for k in (0, 1):
+        by = rng.choice([-1, 1], len(starts)) * rng.uniform(0.15, 0.3, len(starts))
+        s = np.clip((t[:, None] - starts - 0.1 * k) / 0.3, 0.0, 1.0)
+        log[:, 1 + k] = (s**2 * (3 - 2 * s)) @ by + 1e-3 * rng.normal(size=samples)
+        log[:, 3 + k] = (6 * s * (1 - s) / 0.3) @ by + chatter * rng.normal(size=samples)
+    return log
+
+
+@pytest.mark.parametrize(
+    ("factors", "kind", "channel"),
+    [
+        ({"v1": -1.0}, "sign", "v1"),
+        ({"q1": 180 / np.pi}, "unit", "q1"),
+        ({"v2": 180 / np.pi}, "unit", "q2"),
+        ({"t": 1000.0}, "unit", ""),
+    ],
+)
+def test_what_is_wrong_with_a_velocity_is_seen_where_a_machine_that_mostly_rests_moves(
+    tmp_path, factors, kind, channel
+):
+    assert found(written(tmp_path, scale(resting(every=3.0, chatter=0.2), **factors))) == [(kind, "warning", channel)]
+
+
+@settings(max_examples=15)
+@given(seed=st.integers(0, 1000), every=st.floats(0.5, 8.0), chatter=st.floats(0.0, 1.5))
+def test_nothing_is_wrong_with_a_machine_that_rests_and_chatters(tmp_path_factory, seed, every, chatter):
+    log = resting(seed, every=every, chatter=chatter)
+    assert found(written(tmp_path_factory.mktemp("rests"), log)) == []
