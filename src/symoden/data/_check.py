@@ -9,6 +9,7 @@ import numpy as np
 
 from ._arrivals import find_arrivals
 from ._clocks import find_other_clocks
+from ._copies import find_copies
 from ._description import Description, read_description
 from ._errors import DataError
 from ._examine import Examination, is_idle, stands_still
@@ -87,7 +88,8 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     """Read the files of a description, and look for what can be wrong with logs.
 
     Rows without numbers, gaps, time stamps that do not increase, sensors that stand still, wrong units, signs and
-    columns, jumps and wraps of angles, inputs that are cut off, rounding, noise, and joints and inputs that do nothing.
+    columns, jumps and wraps of angles, inputs that are cut off, rounding, noise, joints and inputs that do
+    nothing, and copied files.
 
     Args:
         path: The description.
@@ -166,7 +168,7 @@ def _assembled(
         return [refusal(error)]
     inputs = *find_feedback(dataset, is_angle), *find_late_inputs(dataset, description.input_delay, is_angle)
     signs = find_input_signs(dataset, description, is_angle)
-    return [*find_short(dataset), *find_fast_sampling(dataset), *inputs, *signs]
+    return [*find_copies(logs), *find_short(dataset), *find_fast_sampling(dataset), *inputs, *signs]
 
 
 def _check(

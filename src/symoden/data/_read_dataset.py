@@ -8,6 +8,7 @@ import numpy as np
 
 from ._arrivals import find_arrivals
 from ._clocks import find_other_clocks
+from ._copies import find_copies
 from ._dataset import Dataset
 from ._description import Description, read_description
 from ._errors import DataError, DataWarning, listing
@@ -44,8 +45,9 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
         DataError: If the description or a file is not what it must be, or one part has rows of another one.
 
     Warns:
-        DataWarning: If something was left out, or looks wrong: a stuck sensor, a wrong unit or sign; if velocities
-            come late and are estimated from the positions instead.
+        DataWarning: If something was left out, or looks wrong: a stuck sensor, a wrong unit or sign, a part that has
+            rows of another one in a file of its own; if velocities come late and are estimated from the positions
+            instead.
 
     Example:
         >>> arm = read_dataset("arm.toml")  # doctest: +SKIP
@@ -62,8 +64,8 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
-    for sign in find_input_signs(dataset, description, is_angle):
-        warnings.warn(f"`{path}`: {sign.text}. {sign.advice}", DataWarning, stacklevel=2)
+    for finding in (*find_copies(logs), *find_input_signs(dataset, description, is_angle)):
+        warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
 
 
