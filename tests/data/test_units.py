@@ -123,7 +123,9 @@ def test_what_is_no_unit_is_refused(tmp_path, units, message):
         ("T1", 'q = "deg", v = "rpm", u = "N cm"', ["q [rad]", "v [rad/s]", "u [N m]"]),
         ("R1", "", ["q", "v", "u"]),
         ("R1", 'q = "mm"', ["q [m]", "v [m/s]", "u"]),
-        ("R1", 'v = "mm/s", u = 2.0', ["q", "v [m/s]", "u"]),
+        ("R1", 'v = "mm/s", u = 2.0', ["q [m]", "v [m/s]", "u"]),
+        ("R1", 'q = "rev"', ["q [rad]", "v [rad/s]", "u"]),
+        ("R1", 'v = "rpm"', ["q [rad]", "v [rad/s]", "u"]),
     ],
 )
 def test_columns_are_called_with_their_si_units_where_these_are_known(tmp_path, space, units, titles):
@@ -139,10 +141,14 @@ def test_columns_are_called_with_their_si_units_where_these_are_known(tmp_path, 
     [
         ('"q[0]" = "mm", "q[1]" = "deg"', None),
         ('q = "deg", "q[0]" = 0.001', None),
-        ('q = "deg"', "q"),
+        ('q = "mm"', "q"),
         ('"q[1]" = "mm"', r"q\[1\]"),
-        ('v = "rpm"', "v"),
+        ('v = "mm/s"', "v"),
         ('"v[0]" = "mm/s"', None),
+        ('q = "deg"', None),  # An angle that does not repeat after a turn.
+        ('v = "rpm"', None),
+        ('q = "deg", "v[0]" = "mm/s"', r"v\[0\]"),
+        ('"q[0]" = "mm", v = "rpm"', "v"),
     ],
 )
 def test_lengths_and_angles_have_units_of_their_own_kind(tmp_path, units, wrong):
@@ -160,6 +166,32 @@ def test_an_angle_that_shall_count_as_a_number_keeps_its_unit(tmp_path):
     assert read_description(path, space="R2").si_units == {"q": "rad"}
     with pytest.raises(DataError, match="how its numbers become rad; got a unit of m"):
         read_description(described(tmp_path, 'q = "mm"'), space="T2")
+
+
+def test_an_angle_on_a_space_of_lengths_becomes_rad_and_does_not_wrap(tmp_path):
+    t = 0.01 * np.arange(1500)
+    turns = 1.5 * np.sin(t)
+    np.savez(tmp_path / "a.npz", t=t, q=turns, v=1.5 * 60 * np.cos(t), u=np.cos(t))
+    path = described(tmp_path, 'q = "rev", v = "rpm"')
+    path.write_text(path.read_text().replace('"T2"', '"R1"'), encoding="utf-8")
+    run = read_dataset(path).train[0]
+    np.testing.assert_allclose(run.q[:, 0], 2 * np.pi * turns, atol=1e-12)
+    np.testing.assert_allclose(run.rates[:, 0], 2 * np.pi * 1.5 * np.cos(t), atol=1e-12)
+    path.write_text(path.read_text().replace(', v = "rpm"', ""), encoding="utf-8")
+    (found,) = (each for each in check_dataset(path).recordings[0].findings if each.kind == "unit")
+    assert "positions in rad, velocities in turns per minute" in found.text
+
+
+def test_a_name_that_says_an_angle_on_a_space_of_lengths_is_asked_for(tmp_path):
+    t = 0.01 * np.arange(400)
+    rows = np.stack([t, 40 * np.sin(2 * t), np.cos(3 * t), np.sin(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,drum [deg],turn,u", comments="")
+    path = tmp_path / "arm.toml"
+    text = NAMED.format(units="").replace("x [mm]", "drum [deg]").replace("turn (°)", "turn").replace("u [N]", "u")
+    path.write_text(text, encoding="utf-8")
+    (found,) = (each for each in check_dataset(path).recordings[0].findings if each.kind == "unit")
+    assert found.advice == 'Write `units = {"drum [deg]" = "deg"}` into the description.'
+    assert "says deg, and it is read as rad" in found.text
 
 
 def test_units_are_a_table(tmp_path):
@@ -220,9 +252,9 @@ files = ["a.csv"]
 def test_units_in_names_that_no_entry_of_units_could_have_are_left_alone(tmp_path):
     t = np.linspace(0.0, 4.0, 401)
     rows = np.stack([t, np.sin(2 * t), np.cos(3 * t), np.sin(t)], axis=1)
-    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,x [deg],turn (mm),u [us]", comments="")
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,x [ms],turn (mm),u [us]", comments="")
     path = tmp_path / "arm.toml"
-    text = NAMED.format(units="").replace("x [mm]", "x [deg]").replace("turn (°)", "turn (mm)").replace("[N]", "[us]")
+    text = NAMED.format(units="").replace("x [mm]", "x [ms]").replace("turn (°)", "turn (mm)").replace("[N]", "[us]")
     path.write_text(text, encoding="utf-8")
     assert [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"] == []
 

@@ -15,7 +15,8 @@ from ._readers import Selector, names_in, variable_of
 from ._units import is_named, si_of, units_of
 from ._values import KEYS, PART_KEYS, PARTS, Check
 
-_FITTING: Final = {"time": ("s",), "inputs": ("N", "N m", "A", "V")}  # Others are of lengths or of angles.
+_FITTING: Final[Mapping[str, tuple[str, ...]]] = {"time": ("s",), "inputs": ("N", "N m", "A", "V")}
+"""What columns may become that are neither of lengths nor of angles."""
 
 Interval: TypeAlias = tuple[int, int | None]
 ALL_ROWS: Final = ((0, None),)
@@ -161,7 +162,7 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
     parts["si_units"] = {column: unit for column, unit in named.items() if unit is not None}
     description = Description(**values, **parts)
     _refuse_contradictions(path, description)
-    _refuse_unfit_units(path, description, counts_as_number=space is not None)
+    _refuse_unfit_units(path, description)
     return description
 
 
@@ -271,27 +272,25 @@ def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mappin
             )
 
 
-def _refuse_unfit_units(path: Path, description: Description, *, counts_as_number: bool) -> None:
-    """Refuse units of another kind than a column is of; an angle that shall count as a number may keep its own."""
+def _refuse_unfit_units(path: Path, description: Description) -> None:
+    """Refuse units of another kind than a column is of; what is no angle of the space may be one that never repeats."""
     if not description.si_units:
         return
-    joints = [
-        ("rad",) if angle else ("rad", "m") if counts_as_number else ("m",)
-        for angle in angles_of(path, description.space)
-    ]
-    velocities = [tuple(f"{unit}/s" for unit in units) for units in joints]
+    joints = [("rad",) if angle else ("m", "rad") for angle in angles_of(path, description.space)]
     for role, selector in description.selectors.items():
         for column, unit in description.si_units.items():
             if not is_named(column, {role: selector}) or (role == "rates" and description.momenta is not None):
                 continue
             if role in _FITTING:
-                every = [_FITTING[role]]
-            else:
-                columns = _columns_of(column, selector, len(joints), description.units)
-                every = [(velocities if role == "rates" else joints)[i] for i in columns]
-            for fitting in every:
+                if unit not in _FITTING[role]:
+                    raise DataError(_unfit(path, column, role, _FITTING[role], unit))
+                continue
+            per = "/s" if role == "rates" else ""
+            for i in _columns_of(column, selector, len(joints), description.units):
+                fitting = tuple(f"{kind}{per}" for kind in joints[i])
                 if unit not in fitting:
                     raise DataError(_unfit(path, column, role, fitting, unit))
+                joints[i] = (unit.removesuffix("/s"),)  # So must its velocity be.
 
 
 def _columns_of(name: str, selector: Selector, size: int, units: Mapping[str, float]) -> list[int]:
@@ -306,7 +305,11 @@ def _unfit(path: Path, column: str, role: str, fitting: tuple[str, ...], unit: s
     return (
         f"`{path}`: `units` must say of `{column}`, which is of `{what}`, how its numbers become "
         f"{' or '.join(fitting)}; got a unit of {unit}. Write {listing(units_of(fitting))}, or a factor"
-        + ("; angles have the letter T in `space`, lengths R." if role in ("positions", "rates") else ".")
+        + (
+            "; angles have the letter T in `space`, or R where they do not repeat after a turn, lengths R."
+            if role in ("positions", "rates")
+            else "."
+        )
     )
 
 

@@ -70,6 +70,7 @@ class Facts:
         v: Velocities (T, n); None if there are none.
         us: Inputs (T, m).
         is_angle: Whether each coordinate is an angle.
+        kinds: Units in SI of each position, those that it may be in where nothing tells: "m", "rad".
         longest: Longest step that is no gap [s].
         positions: Facts of each position.
         rates: Facts of each velocity or momentum.
@@ -86,6 +87,7 @@ class Facts:
     v: np.ndarray | None
     us: np.ndarray
     is_angle: np.ndarray
+    kinds: tuple[tuple[str, ...], ...]
     longest: float
     positions: tuple[ChannelFacts, ...]
     rates: tuple[ChannelFacts, ...]
@@ -144,6 +146,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
         v=v,
         us=us,
         is_angle=is_angle,
+        kinds=tuple((unit,) if unit else ("m", "rad") for unit in log.units["positions"]),
         longest=longest,
         positions=positions,
         rates=of_rates,

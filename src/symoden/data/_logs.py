@@ -302,11 +302,15 @@ def _without_repeats(rows: Rows) -> tuple[Rows, tuple[int, ...]]:
 def _si_units(rows: Rows, description: Description, is_angle: np.ndarray) -> dict[str, tuple[str, ...]]:
     """SI units of the columns, as far as the description or the space tells them."""
     units = {role: [of_column(name, description.si_units) or "" for name in rows.names[role]] for role in rows.names}
-    units["positions"] = ["rad" if angle else unit for angle, unit in zip(is_angle, units["positions"], strict=True)]
+    rates = units["rates"] if description.velocities is not None else [""] * len(is_angle)
+    units["positions"] = [
+        "rad" if angle else unit or of_rate.removesuffix("/s")
+        for angle, unit, of_rate in zip(is_angle, units["positions"], rates, strict=True)
+    ]
     if description.velocities is not None:
         units["rates"] = [
             unit or (f"{of_position}/s" if of_position else "")
-            for unit, of_position in zip(units["rates"], units["positions"], strict=True)
+            for unit, of_position in zip(rates, units["positions"], strict=True)
         ]
     return {role: tuple(every) for role, every in units.items()}
 

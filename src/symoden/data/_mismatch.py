@@ -68,16 +68,16 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
 
 def _units_in_names(facts: Facts) -> dict[str, tuple[str, str]]:
     """Positions and velocities of which names, or a line under these, say another unit than the one that is read."""
-    joints = ["rad" if angle else "m" for angle in facts.is_angle]
-    kinds = zip(facts.positions + facts.rates, joints + [f"{unit}/s" for unit in joints], strict=False)
+    per_second = [tuple(f"{unit}/s" for unit in kinds) for kinds in facts.kinds]
+    every = zip(facts.positions + facts.rates, [*facts.kinds, *per_second], strict=False)
     units = {
-        channel.name: (split_unit(channel.name)[1] or unit_of(facts.below.get(channel.name, "")), si)
-        for channel, si in kinds
+        channel.name: (split_unit(channel.name)[1] or unit_of(facts.below.get(channel.name, "")), kinds)
+        for channel, kinds in every
     }
     return {
         name: (unit, si)
-        for name, (unit, si) in units.items()
-        if unit and si_of(unit) == si != unit and of_column(name, facts.units) is None
+        for name, (unit, kinds) in units.items()
+        if unit and (si := si_of(unit)) in kinds and si != unit and of_column(name, facts.units) is None
     }
 
 
@@ -136,7 +136,7 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
                 f"{entry({q: -1.0}, facts.units)}. Look at the directions of the inputs too.",
             )
         ]
-    for known, what, units in _ANGLES if facts.is_angle[i] else _LENGTHS:
+    for known, what, units in _factors(facts.kinds[i]):
         if abs(size / known - 1) < _SAME and abs(size / known - 1) <= abs(size / _round(size) - 1):
             columns = {{"q": q, "v": v}[symbol]: unit for symbol, unit in units.items()}
             turned = " One of them has the opposite direction as well." if factor < 0 else ""
@@ -167,6 +167,11 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
             f"`{second}` is, write {entry({first: factors[first]}, facts.units)}, or correct the time stamps.",
         )
     ]
+
+
+def _factors(kinds: tuple[str, ...]) -> tuple[tuple[float, str, dict[str, str]], ...]:
+    """Known factors of a coordinate; of one that nothing tells to be an angle those of lengths."""
+    return _LENGTHS if "m" in kinds else _ANGLES
 
 
 def _round(size: float) -> float:
