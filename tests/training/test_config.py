@@ -41,6 +41,6 @@ def test_settings_that_cannot_train_are_refused(setting: dict[str, Any], message
 
 @given(positive=POSITIVE, seed=st.integers(0, 2**31))
 def test_what_is_left_trains(positive, seed):
-    names = ("clip", "learning_rate", "damping", "weight_decay", "prior")
-    TrainingConfig(seed=seed, **dict.fromkeys(names, positive))
+    numbers: dict[str, Any] = dict.fromkeys(("clip", "learning_rate", "damping", "weight_decay", "prior"), positive)
+    TrainingConfig(seed=seed, **numbers)
     TrainingConfig(clip=None, weight_decay=0.0, prior=0.0, validation=0.0)

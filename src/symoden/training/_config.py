@@ -102,13 +102,18 @@ class TrainingConfig:
             value = getattr(self, name)
             if value is not None and not value >= 1:
                 raise ValueError(f"`{name}` must be at least 1, or None to choose it from the data; got {value}.")
-        if not 0 <= self.validation < 1:
-            raise ValueError(f"`validation` must be at least 0 and below 1; got {self.validation}.")
-        if self.clip is not None and not self.clip > 0:
-            raise ValueError(f"`clip` must be positive, or None for no limit; got {self.clip}.")
-        for name in ("learning_rate", "damping"):
-            if not 0 < getattr(self, name) < math.inf:
-                raise ValueError(f"`{name}` must be positive and finite; got {getattr(self, name)}.")
-        for name in ("weight_decay", "prior"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise ValueError(f"`{name}` must be at least 0 and finite; got {getattr(self, name)}.")
+        _refuse_numbers(self)
+
+
+def _refuse_numbers(config: TrainingConfig) -> None:
+    """Refuse numbers that are no counts and out of range, NaN included."""
+    if not 0 <= config.validation < 1:
+        raise ValueError(f"`validation` must be at least 0 and below 1; got {config.validation}.")
+    if config.clip is not None and not config.clip > 0:
+        raise ValueError(f"`clip` must be positive, or None for no limit; got {config.clip}.")
+    for name in ("learning_rate", "damping"):
+        if not 0 < getattr(config, name) < math.inf:
+            raise ValueError(f"`{name}` must be positive and finite; got {getattr(config, name)}.")
+    for name in ("weight_decay", "prior"):
+        if not 0 <= getattr(config, name) < math.inf:
+            raise ValueError(f"`{name}` must be at least 0 and finite; got {getattr(config, name)}.")
