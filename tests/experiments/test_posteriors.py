@@ -37,9 +37,9 @@ def run(tmp_path, monkeypatch):
     """Folder, model, settings and data of a run; and how many steps between samples each inference took."""
     taken = []
 
-    def inferred(model, dataset, training):
-        taken.append(training.lm_substeps)
-        return infer_posterior(model, dataset, training)
+    def inferred(model, dataset, training, *, substeps):
+        taken.append(substeps)
+        return infer_posterior(model, dataset, training, substeps=substeps)
 
     monkeypatch.setattr(f"{PLACE}.infer_posterior", inferred)
     dataset = Dataset(name="swing", space="T1", train=(swing(),))

@@ -178,6 +178,24 @@ def test_rollouts_that_diverge_tell_nothing(pendulum, small, quick, scrambled):
         infer_posterior(model, pendulum(), quick)
 
 
+def test_it_takes_the_steps_that_training_found(pendulum):
+    model, dataset = identified(pendulum(), 0)
+    for steps in (1, 16):
+        told = infer_posterior(model, dataset, STEPS, substeps=steps)
+        same = infer_posterior(model, dataset, dataclasses.replace(STEPS, lm_substeps=steps))
+        assert np.array_equal(told.factor, same.factor)
+        assert not np.array_equal(told.factor, infer_posterior(model, dataset, STEPS).factor)
+    with pytest.raises(ValueError, match="`substeps` must be at least 1, or None"):
+        infer_posterior(model, dataset, STEPS, substeps=0)
+
+
+def test_nothing_learned_leaves_nothing_uncertain(pendulum):
+    known = KnownParts(mass_matrix=[[1]], potential_energy="-cos(q1)", input_matrix=[[1]], dissipation_matrix=[[0.2]])
+    model = build(MODEL, Space.parse("T1"), 1, known=known, key=jax.random.key(0))
+    with pytest.raises(ValueError, match=r"the model has 0\. All of it is given"):
+        infer_posterior(model, pendulum(), STEPS)
+
+
 def test_too_few_windows_are_refused(pendulum):
     model, dataset = identified(pendulum(count=2, samples=17), 0)
     with pytest.raises(ValueError, match=r"Bands need 5 windows of training data or more, .* there are 4"):

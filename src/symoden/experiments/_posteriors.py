@@ -53,25 +53,25 @@ def read_posterior(
     ensemble = read_ensemble(folder, model, config)
     if ensemble is not None:
         return ensemble
-    training = dataclasses.replace(config.training, lm_substeps=config.settled_substeps)
+    training, substeps = config.training, config.settled_substeps
     if not (folder / MODEL).is_file():  # No run's, so that nothing would tell whose it is.
-        return infer_posterior(model, dataset, training)
-    kept, origin = folder / POSTERIOR, _origin(folder / MODEL, training, dataset)
+        return infer_posterior(model, dataset, training, substeps=substeps)
+    kept, origin = folder / POSTERIOR, _origin(folder / MODEL, training, substeps, dataset)
     with contextlib.suppress(StorageError):  # Absent, of an earlier training, or damaged: it is inferred anew.
         return load_laplace(kept, model, origin=origin)
-    posterior = infer_posterior(model, dataset, training)
+    posterior = infer_posterior(model, dataset, training, substeps=substeps)
     with contextlib.suppress(StorageError):  # A run that can only be read has its bands, too.
         save_laplace(kept, posterior, origin=origin)
     return posterior
 
 
-def _origin(model: Path, training: TrainingConfig, dataset: Dataset) -> str:
+def _origin(model: Path, training: TrainingConfig, substeps: int, dataset: Dataset) -> str:
     """SHA-256 of all that a posterior is inferred from, and of the version and commit that infer it."""
     every = [
         (each.one_sided, np.ravel([] if each.noise_gain is None else each.noise_gain).tolist())
         for each in dataset.recordings
     ]
-    told = repr((version("symoden"), commit(), training, dataset.digest, every))
+    told = repr((version("symoden"), commit(), training, substeps, dataset.digest, every))
     return hashlib.sha256(model.read_bytes() + told.encode()).hexdigest()
 
 

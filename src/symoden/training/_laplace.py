@@ -13,7 +13,7 @@ import scipy.linalg
 import scipy.stats
 from jaxtyping import Array, Float
 
-from symoden.blocks import DIRECTIONS, FRICTION, JointFriction
+from symoden.blocks import DIRECTIONS, FRICTION, JointFriction, count_parameters
 from symoden.data import Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
@@ -85,7 +85,9 @@ class Laplace(AbstractPosterior):
         return _Linearized(self.restore, jnp.asarray(self.theta, float), jnp.asarray(draws @ self.factor.T, float))
 
 
-def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingConfig | None = None) -> Laplace:
+def infer_posterior(
+    model: AbstractDynamics, dataset: Dataset, config: TrainingConfig | None = None, *, substeps: int | None = None
+) -> Laplace:
     """Infer how certain a trained model's parameters are, from the data that it was trained on.
 
     With J the Jacobian of the residuals r, H = JᵀJ / σ² + λ I is the posterior's precision where the residuals are
@@ -107,12 +109,15 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         model: What `fit` found.
         dataset: What it was fitted to.
         config: With which settings.
+        substeps: RK4 steps in each sampling interval, as many as training found that its rollouts need
+            (`FitResult.substeps`); if None, as many as `config` says, or 4.
 
     Returns:
         The posterior of the parameters that training has set free.
 
     Raises:
-        ValueError: If there are none, or too many; if there are too few windows, or rollouts diverge there.
+        ValueError: If there are none, or too many; if `substeps` is below 1; if there are too few windows, or rollouts
+            diverge there.
 
     References:
         White (1982), *Maximum likelihood estimation of misspecified models*; Cameron & Miller (2015), *A practitioner's
@@ -120,20 +125,18 @@ def infer_posterior(model: AbstractDynamics, dataset: Dataset, config: TrainingC
         backpropagation networks* (the number of effective parameters).
     """
     config = config or TrainingConfig()
+    substeps = config.lm_substeps or _SUBSTEPS if substeps is None else substeps
+    if substeps < 1:
+        raise ValueError(f"`substeps` must be at least 1, or None for those of the settings; got {substeps}.")
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
         model, restore, theta = _open_parts(model)
-        if not 0 < theta.size <= MOST_PARAMETERS:
-            raise ValueError(
-                f"The posterior needs 1 to {MOST_PARAMETERS} free parameters; the model has {theta.size}. "
-                "Train a smaller one."
-            )
         data = levenberg_data(hold_out(dataset, config), model, config)
         if (windows := data.train.ts.shape[0]) < LEAST_WINDOWS:
             raise ValueError(
                 f"Bands need {LEAST_WINDOWS} windows of training data or more, to tell how much these disagree; there "
                 f"{'is' if windows == 1 else 'are'} {windows}. Record longer."
             )
-        solver = RK4(jnp.asarray(config.lm_substeps or _SUBSTEPS))
+        solver = RK4(jnp.asarray(substeps))
         where = restore, theta, data.objective, solver, data.train
         weighing = Weighing.plain(data.objective.weights.size, expected_level(*where))
         # As training weighs errors while it learns priors, once what these keep is free.
@@ -195,6 +198,7 @@ def load_laplace(path: Path, model: AbstractDynamics, *, origin: str) -> Laplace
 
     Raises:
         StorageError: If the file is absent or damaged, or was inferred from something else.
+        ValueError: If no posterior can belong to the model, which has no parameters or too many.
     """
     arrays, facts = load_arrays(path)
     with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
@@ -217,9 +221,16 @@ def _open_parts(model: AbstractDynamics) -> tuple[AbstractDynamics, Flattening, 
 
     Returns:
         The model, what restores it, and its flat parameters.
+
+    Raises:
+        ValueError: If there are none, or too many.
     """
     model = cast(model, float)
     corrections = freed(model) | (DIRECTIONS if _is_even(model) else 0)
+    size = count_parameters(model, corrections=corrections)
+    if not 0 < size <= MOST_PARAMETERS:
+        hint = "Train a smaller one" if size else "All of it is given, and nothing uncertain"
+        raise ValueError(f"The posterior needs 1 to {MOST_PARAMETERS} free parameters; the model has {size}. {hint}.")
     return model, *Flattening.of(model, corrections=corrections)
 
 
