@@ -121,7 +121,7 @@ class Inspection:
         dissipation_eigenvalues: The same of D.
         profiles: Blocks along every coordinate.
         friction: Friction along every velocity.
-        velocities: Largest velocities in the data's range; None for a model without inertia.
+        velocities: Largest velocities of states drawn from the data's range; None for a model without inertia.
         middle: Middle of the coordinates' range, which all profiles go through.
     """
 

@@ -51,8 +51,10 @@ class FitResult:
         outcome: How training ended, in words.
         completed: Whether every stage came to its end.
         loss: Its loss on the validation data (on the training data without them).
-        seconds: Time spent [s], earlier runs included, but for the time that members took in these.
-        substeps: RK4 steps in a sampling interval that its rollouts need, `rollout(..., solver=RK4(substeps))`.
+        seconds: Time spent [s] by this run and, where it goes on from a checkpoint, by those before it; what these
+            spent on members is not counted.
+        substeps: RK4 steps in a sampling interval that its rollouts need: `rollout(..., solver=RK4(substeps))`,
+            `infer_posterior(..., substeps=substeps)`.
         ensemble: Models that were trained like it, if any were asked for.
         verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
     """
@@ -177,8 +179,8 @@ def _refuse_lost(state: TrainingState, config: TrainingConfig, *, completed: boo
     if not math.isfinite(state.best_loss) or (completed and config.scaled_loss and state.best_loss > _NOTHING):
         raise TrainingError(
             "Training must find a model whose errors are finite and not far larger than the motion; the best one "
-            f"has a loss of {state.best_loss:.2g}, where no motion at all has one of 1. Check the units and the "
-            "space of the data (`symoden data check`), or lower the learning rate."
+            f"has a loss of {state.best_loss:.2g}, where predicting that nothing moves has one of 1. Check the units "
+            "and the space of the data (`symoden data check`), or lower the learning rate."
         )
 
 
