@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings, strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from symoden.data import DataError, choose_spans, estimate_velocities, velocity_noise_gain
 
@@ -103,6 +103,34 @@ def test_no_window_spans_a_gap():
     q = np.where(ts < 3, ts, 7 - 2 * ts)[:, None]
     v = estimate_velocities(ts, q, name="run", spans=np.array([31]))
     np.testing.assert_allclose(v[:, 0], np.where(ts < 3, 1.0, -2.0), atol=1e-6)
+
+
+@given(
+    lengths=st.lists(st.integers(1, 9), min_size=1, max_size=4),
+    slopes=st.lists(st.floats(-3, 3), min_size=5, max_size=5),
+    gaps=st.lists(st.floats(0.06, 20.0), min_size=4, max_size=4),
+    place=st.integers(0, 4),
+)
+@example(lengths=[1], slopes=[0.0] * 5, gaps=[10.0] * 4, place=0)
+@example(lengths=[3, 100], slopes=[0.0] * 5, gaps=[10.0] * 4, place=0)
+def test_what_is_moved_in_gaps_has_no_velocity(lengths, slopes, gaps, place):
+    place = min(place, len(lengths))
+    lengths = [*lengths[:place], 120, *lengths[place:]]
+    part = np.repeat(np.arange(len(lengths)), lengths)
+    ts = 0.01 * np.arange(len(part)) + np.cumsum([0.0, *gaps])[part]
+    v = np.array(slopes)[part]
+    q = 5.0 * part + v * (ts - ts[np.searchsorted(part, part)])
+    found = estimate_velocities(ts, q[:, None], name="run")[:, 0]
+    alone = np.array(lengths)[part] == 1
+    np.testing.assert_allclose(found[~alone], v[~alone], atol=1e-6)
+    far = np.where(alone, np.inf, np.abs(ts - ts[:, None]))
+    np.testing.assert_allclose(found[alone], v[far.argmin(axis=1)][alone], atol=1e-6)
+
+
+def test_five_samples_with_a_gap_are_two_parts():
+    ts = np.array([0.0, 0.01, 0.02, 3.0, 3.01])
+    v = estimate_velocities(ts, np.where(ts < 1, 2 * ts, 7 - ts)[:, None], name="run")
+    np.testing.assert_allclose(v[:, 0], [2, 2, 2, -1, -1], atol=1e-9)
 
 
 @given(step=st.floats(0.0005, 0.1), samples=st.integers(30, 120), span=st.sampled_from([5, 9, 17, 26]))

@@ -1,5 +1,6 @@
 """Velocities from positions, where a recording has none."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,8 @@ def estimate_velocities(ts: Times, q: Positions, *, name: str, spans: Int[np.nda
     `choose_spans` says how many samples a fit spans: enough of them to average out noise and an encoder's steps, and no
     more than the motion's fastest part allows. The window is centred, so that nothing is delayed, and any cubic motion
     is reproduced exactly, at uneven time stamps too: the bias is of order 4 in the window's width. No window spans a
-    gap in time.
+    gap in time: fewer than 5 samples between two gaps have the slope of the line that fits them best, and a sample
+    alone, which has none, that of the sample nearest in time.
 
     Args:
         ts: Time stamps [s].
@@ -38,15 +40,20 @@ def estimate_velocities(ts: Times, q: Positions, *, name: str, spans: Int[np.nda
         Savitzky and Golay (1964), *Smoothing and differentiation of data by simplified least squares procedures*.
     """
     parts = _parts(ts, name)
-    if spans is None:
-        spans = choose_spans([ts[part] for part in parts], [q[part] for part in parts])
-    slopes = np.empty(q.shape)
-    for span in set(spans.tolist()):
-        for part in parts:
+    long = [part for part in parts if part.stop - part.start >= LEAST]
+    if spans is None and long:
+        spans = choose_spans([ts[part] for part in long], [q[part] for part in long])
+    slopes = np.full(q.shape, np.nan)
+    for span in set() if spans is None else set(spans.tolist()):
+        for part in long:
             alike = spans == span
             cubics = fit_span(ts[part], q[part][:, alike], span)
             slopes[part, alike] = cubics.slopes(ts[part], cubics.near(ts[part])).T
-    return slopes
+    for part in parts:
+        if 2 <= part.stop - part.start < LEAST:
+            apart = ts[part] - ts[part].mean()
+            slopes[part] = apart @ (q[part] - q[part][0]) / (apart @ apart)
+    return slopes[_nearest_with_others(ts, parts)]
 
 
 def velocity_noise_gain(ts: Times, spans: Int[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
@@ -96,8 +103,19 @@ def _correlated(gain: float, mean: np.ndarray) -> float:
     return float(np.linalg.norm(np.convolve(weights, mean)) / np.linalg.norm(weights) / np.linalg.norm(mean))
 
 
+def _nearest_with_others(ts: Times, parts: Sequence[slice]) -> Int[np.ndarray, " T"]:
+    """For each sample itself, or the nearest one that is not alone between gaps: most steps are none."""
+    nearest = np.arange(len(ts))
+    alone = np.array([part.start for part in parts if part.stop - part.start == 1], int)
+    others = np.setdiff1d(nearest, alone)
+    after = np.searchsorted(others, alone).clip(1, len(others) - 1)
+    before = ts[alone] - ts[others[after - 1]] <= ts[others[after]] - ts[alone]
+    nearest[alone] = others[np.where(before, after - 1, after)]
+    return nearest
+
+
 def _parts(ts: Times, name: str) -> list[slice]:
-    """Stretches without a gap, each of which is long enough."""
+    """Stretches without a gap."""
     steps = np.diff(ts)
     extreme = len(ts) >= LEAST and not LEAST - 1 <= (ts[-1] - ts[0]) / np.median(steps) + 0.5 < _MOST_SAMPLES
     if len(ts) < LEAST or extreme:
@@ -106,8 +124,5 @@ def _parts(ts: Times, name: str) -> list[slice]:
             f"samples {steps.min():.6g} to {steps.max():.6g} s apart. Name the columns of `velocities`, or take other "
             "rows."
         )
-    starts = [0]
-    for start in np.flatnonzero(steps > longest_step(steps)) + 1:
-        if min(start - starts[-1], len(ts) - start) >= LEAST:
-            starts.append(int(start))
+    starts = [0, *(np.flatnonzero(steps > longest_step(steps)) + 1).tolist()]
     return [slice(start, stop) for start, stop in zip(starts, [*starts[1:], len(ts)], strict=True)]
