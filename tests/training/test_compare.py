@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.training._data import _normal_deviate
 from symoden.training._line_up import _CLEAR
+from symoden.training._verdicts import _normal_deviate
 
 
 @pytest.mark.parametrize("windows", [2, 3, 6, 40])

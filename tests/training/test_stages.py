@@ -14,7 +14,7 @@ import pytest
 from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, NETWORKS, POTENTIAL, count_parameters
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
-from symoden.training import _data, _levenberg_stage
+from symoden.training import _data, _levenberg_stage, _verdicts
 from symoden.training._adam_stage import DIVERGED, AdamStage
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import Linearization, NormalEquations
@@ -22,6 +22,7 @@ from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
 from symoden.training._relevance import Relevance
+from symoden.training._verdicts import compare
 from symoden.training._weighing import Weighing
 
 
@@ -70,7 +71,7 @@ def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_f
     stage, state = stage
     data = stage.data._replace(validation=stage.data.train)
     last = dataclasses.replace(stage, data=data, steps=1, corrections=1, learns=learns, margin=margin)
-    monkeypatch.setattr(type(data), "compare", lambda *_: errors)
+    monkeypatch.setattr(_verdicts, "compare", lambda *_: errors)
     started = last.start(state)
     after, report = last.advance(started)
     assert report.finished
@@ -230,11 +231,11 @@ def test_a_stage_may_begin_with_wide_priors_and_what_was_learned_comes_back_if_i
     assert {
         float(x) for x in jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(started.memory.precision)])
     } == {2.0}
-    monkeypatch.setattr(type(data), "compare", lambda *_: 2.1)
+    monkeypatch.setattr(_verdicts, "compare", lambda *_: 2.1)
     after, report = longer.advance(started)
     assert report.finished
     assert after.memory is learned
-    monkeypatch.setattr(type(data), "compare", lambda *_: 1.9)
+    monkeypatch.setattr(_verdicts, "compare", lambda *_: 1.9)
     after, report = longer.advance(started)
     assert after.memory is started.memory
 
@@ -270,7 +271,7 @@ def test_priors_that_time_ran_out_for_have_brought_what_they_have_by_then(stage,
     stage, state = stage
     data = stage.data._replace(validation=stage.data.train)
     relevance = dataclasses.replace(stage, data=data, corrections=1, learns=True, margin=-1.0)
-    monkeypatch.setattr(type(data), "compare", lambda *_: worse)
+    monkeypatch.setattr(_verdicts, "compare", lambda *_: worse)
     started = relevance.start(state)
     settled, verdict = relevance.settled(started)
     assert not verdict
@@ -336,12 +337,12 @@ def test_models_are_compared_window_against_window(stage):
     objective = stage.objective(1, Weighing.plain(3))
     data = stage.data._replace(validation=stage.data.train)
     worse = jax.tree.map(lambda x: 1.5 * x if eqx.is_inexact_array(x) else x, state.model)
-    assert data.compare(state.model, state.model, objective) == 0
-    assert data.compare(state.model, worse, objective) == -data.compare(worse, state.model, objective) != 0
-    assert stage.data._replace(validation=None).compare(state.model, worse, objective) == 0
+    assert compare(data, state.model, state.model, objective) == 0
+    assert compare(data, state.model, worse, objective) == -compare(data, worse, state.model, objective) != 0
+    assert compare(stage.data._replace(validation=None), state.model, worse, objective) == 0
     lost = jax.tree.map(lambda x: jnp.nan * x if eqx.is_inexact_array(x) else x, state.model)
-    assert data.compare(lost, worse, objective) == np.inf
-    assert data.compare(worse, lost, objective) == -np.inf
+    assert compare(data, lost, worse, objective) == np.inf
+    assert compare(data, worse, lost, objective) == -np.inf
 
 
 @pytest.mark.parametrize(
@@ -365,11 +366,11 @@ def test_a_loss_that_is_tenfold_in_three_of_four_windows_is_no_chance(stage, mon
     data = stage.data._replace(validation=stage.data.train)
     found = {True: losses, False: others}
     monkeypatch.setattr(
-        _data, "evaluate_residuals", lambda model, *_: np.sqrt(np.array(found[model is state.model]))[:, None, None]
+        _verdicts, "evaluate_residuals", lambda model, *_: np.sqrt(np.array(found[model is state.model]))[:, None, None]
     )
     objective, other = stage.objective(1, Weighing.plain(3)), jax.tree.map(lambda x: x, state.model)
-    assert data.compare(state.model, other, objective) == pytest.approx(told, abs=0.3)
-    assert data.compare(other, state.model, objective) == pytest.approx(-told, abs=0.3)
+    assert compare(data, state.model, other, objective) == pytest.approx(told, abs=0.3)
+    assert compare(data, other, state.model, objective) == pytest.approx(-told, abs=0.3)
 
 
 def test_sensitivities_that_overflow_in_single_precision_are_computed_in_double(stage, monkeypatch):

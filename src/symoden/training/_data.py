@@ -1,7 +1,6 @@
 """What each stage trains on: windows of the recordings, how long they are, and how rollouts are compared with them."""
 
 import dataclasses
-import math
 import warnings
 from collections.abc import Sequence
 from typing import Final, NamedTuple
@@ -9,9 +8,7 @@ from typing import Final, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import scipy.stats
 from jax.typing import DTypeLike
-from jaxtyping import Float
 
 from symoden.data import (
     Dataset,
@@ -32,7 +29,7 @@ from symoden.wording import first_few
 from ._config import TrainingConfig
 from ._level import LEAST_WINDOWS
 from ._objective import AbstractObjective, Batch, Objective, channel_order, channel_weights
-from ._residuals import evaluate_loss, evaluate_residuals
+from ._residuals import evaluate_loss
 from ._scales import time_scale
 from ._weak_form import WeakForm
 
@@ -48,11 +45,6 @@ _MOST = 0.9  # Share of the samples that recordings must hold, so that shorter o
 _MOST_LEFT_OUT = 0.05  # Share of a recording that its ends may be.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
 _NAMED = 3
-_FAR = 0.1  # Share of a loss that chance does not take it to, where so many and so large a share of windows say so.
-_FEW, _MOSTLY = 3, 0.75
-LOST: Final = 3.0  # Validation loss over the best one. Of 50 stages with four such steps in a row none was kept.
-_HARDLY_ANY: Final = 4  # Windows, whose number is then worth a word: their verdict is hardly one.
-_LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
 
 
 class Data(NamedTuple):
@@ -76,72 +68,6 @@ class Data(NamedTuple):
     def validation_loss(self, model: AbstractDynamics, objective: AbstractObjective) -> float | None:
         """Loss on the validation windows, if there are any."""
         return None if self.validation is None else evaluate_loss(model, objective, self.validation)
-
-    def gain(
-        self, model: AbstractDynamics, loss: float, before: AbstractDynamics, objective: AbstractObjective
-    ) -> tuple[float, str]:
-        """By how many standard errors the validation loss of a model is below that of the one before; and in words.
-
-        Losses of different stages cannot be compared: these count errors otherwise, in other windows.
-
-        Returns:
-            Standard errors as `compare` counts them, of the opposite sign, minus infinity where few windows are lost:
-            theirs tell little. Both losses and these.
-        """
-        gain = -self.compare(model, before, objective)
-        windows = self.judged.ts.shape[0]
-        few = f" of {windows} window{'' if windows == 1 else 's'}" if windows <= _HARDLY_ANY else ""
-        size = f"{round(gain, 2) + 0.0:+.2f} standard errors{few}"
-        if math.isinf(gain):
-            size = "a tenth or less" if gain > 0 else "tenfold or more"
-        other = evaluate_loss(before, objective, self.judged)
-        if few and loss > LOST * other and math.isfinite(gain):
-            gain, size = -math.inf, f"{size}, which hardly tell, but {LOST:g} times as much or more"
-        return gain, f"validation loss {loss:.2g}, before {other:.2g}: {size}"
-
-    def compare(self, model: AbstractDynamics, other: AbstractDynamics, objective: AbstractObjective) -> float:
-        """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.
-
-        Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
-        of Breiman et al., 1984). But the losses of a few windows differ by more than their mean, so that their standard
-        error says little: what is tenfold in the mean, and in three of four windows, of three or more, is no chance.
-
-        Of two windows the standard error itself is hardly known: their differences may be alike by chance. So many
-        standard errors are Student's, and are given as the normal deviate that is as unlikely.
-
-        Returns:
-            Mean of the differences, window against window, relative to its standard error; infinite if it is tenfold.
-        """
-        if self.validation is None:
-            return 0.0
-        with np.errstate(over="ignore", invalid="ignore"):
-            here, there = (
-                np.mean(np.asarray(evaluate_residuals(each, objective, self.validation), float) ** 2, axis=(1, 2))
-                for each in (model, other)
-            )
-        if not np.isfinite(here).all():
-            return math.inf
-        if not np.isfinite(there).all():
-            return -math.inf
-        if _is_far_below(here, there) or _is_far_below(there, here):
-            return math.copysign(math.inf, np.mean(here) - np.mean(there))
-        if len(here) == 1:
-            return 0.0
-        mean, error = float(np.mean(here - there)), float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
-        return _normal_deviate(mean / max(error, _LEAST_ERROR * abs(mean), float(np.finfo(float).tiny)), len(here) - 1)
-
-
-def _normal_deviate(student: float, degrees: int) -> float:
-    """The normal deviate that is exceeded as seldom as one of Student's."""
-    size = abs(student)
-    normal = float(scipy.stats.norm.isf(scipy.stats.t.sf(size, degrees)))
-    return math.copysign(min(size, normal), student)  # Where neither is ever exceeded: the first.
-
-
-def _is_far_below(losses: Float[np.ndarray, " W"], others: Float[np.ndarray, " W"]) -> bool:
-    """Whether windows' losses are a tenth of others, in the mean and in three of four windows."""
-    enough = len(losses) >= _FEW and np.mean(losses < _FAR * others) >= _MOSTLY
-    return bool(enough and np.mean(losses) < _FAR * np.mean(others))
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:

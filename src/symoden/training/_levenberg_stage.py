@@ -13,7 +13,7 @@ from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
 from ._config import TrainingConfig
-from ._data import LOST, Data
+from ._data import Data
 from ._flatten import Flattening, cast, drawn, freed
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
@@ -22,6 +22,7 @@ from ._relevance import Relevance, free_scale, remembered
 from ._residuals import evaluate_loss, integration_error
 from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage
 from ._state import Incumbent, Report, TrainingState
+from ._verdicts import LOST, by_rollouts, fits_better, gain
 from ._weak_form import WeakForm
 from ._weighing import Weighing
 
@@ -58,7 +59,7 @@ class LevenbergStage(AbstractStage):
         frees: It sets something free: nothing is done where that is free already, and steps go on as long as they fit
             the data clearly better, unless validation says that all is lost.
         unless: Kinds of corrections, as flags; where one of them is free the stage has nothing to do.
-        closes: Kinds, as flags, that are zero again in what it begins with; where none is free it has nothing to do.
+        closes: Kinds, as flags, that begin at zero again, if one is free; the training windows must be fitted better.
         guess: A model to begin with where its rollouts are better than those of the best one so far.
         fresh: An untrained model to begin with in any case. What stages before have set free and kept is free, but for
             friction's laws: from wide priors on these take up what is not yet explained.
@@ -332,22 +333,21 @@ class LevenbergStage(AbstractStage):
         if self.rivals:
             undone = self._undone(state)
             return undone._replace(incumbent=undone.incumbent._replace(rival=state.model)), ""
+        before = state.incumbent.rival
         if self.rollouts is not None:
-            windows, objective = self.rollouts.judged, self.rollouts.objective
-            models = (cast(model, windows.q.dtype) for model in (state.best, state.incumbent.model))
-            after, before = (evaluate_loss(model, objective, windows) for model in models)
-            why = f"a loss of {after:.2g} over rollouts, {before:.2g} without"
-            return (state, f"kept ({why})") if after < before else (self._undone(state), f"not kept ({why})")
+            better, why = by_rollouts(self.rollouts, state.best, before)
+            return (state, f"kept ({why})") if better else (self._undone(state), f"not kept ({why})")
         if self.margin is None or self.data.validation is None:
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
-        gain, why = self.data.gain(state.best, state.best_loss, state.incumbent.rival, objective)
-        why = why if math.isinf(gain) else f"{why}, more than {self.margin:+.3g} wanted"
-        if gain > self.margin:
+        gained, why = gain(self.data, state.best, state.best_loss, before, objective)
+        why += "" if math.isinf(gained) else f", more than {self.margin:+.3g} wanted"
+        fits, said = fits_better(self.data, state.best, before, objective) if self.closes else (True, "")
+        if gained > self.margin and fits:
             freed_too = self.learns and FRICTION & freed(state.best) & ~freed(state.incumbent.model)
             also = "; frees friction's laws too, under learned priors" if freed_too else ""
-            return state, f"kept ({why}{also})"
-        return self._undone(state), f"not kept ({why})"
+            return state, f"kept ({why}{said}{also})"
+        return self._undone(state), f"not kept ({why}{said})"
 
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""
