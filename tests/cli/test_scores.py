@@ -47,7 +47,16 @@ def test_the_length_of_windows_is_named():
 def test_rollouts_of_whole_recordings_that_diverge_are_named():
     lost = dataclasses.replace(recording(0.1, 1.0, "lost"), rollout_rmse=math.inf)
     assert diverging([recording(0.1, 1.0)]) == ""
-    assert diverging([recording(0.1, 1.0), lost]).startswith("one rollout over the whole of `lost` diverges.")
+    assert diverging([recording(0.1, 1.0), lost]).startswith("one rollout over the whole of `lost` diverges. The")
+
+
+def test_single_windows_that_diverge_are_named():
+    one = recording(0.1, 1.0, "one")
+    one = dataclasses.replace(one, window_rmse=dataclasses.replace(one.window_rmse, mean=math.inf))
+    both = dataclasses.replace(one, name="both", rollout_rmse=math.inf)
+    assert diverging([one, recording(0.1, 1.0)]).startswith("over 1 s some predictions of `one` diverge. The")
+    said = "over 1 s some predictions of `one`, `both` diverge, and one rollout over the whole of `both` diverges. The"
+    assert diverging([one, both]).startswith(said)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +102,7 @@ def test_predictions_that_diverge_are_not_blamed_on_inputs():
 def test_recordings_that_alone_are_predicted_badly_are_named():
     words = poor([recording(0.05, 0.3, "swing"), recording(0.3, 0.03, "rest")])
     assert words.startswith("over 1 s predictions of `rest` are off by 0.3 where positions move 0.03, in the mean")
-    assert "sign" not in words
+    assert "an input that acts there alone" in words  # Elsewhere its sign is right, or tells nothing.
     assert "dry friction" in words
     resting = [recording(1e-4, 1e-4, f"rest {k}") for k in range(5)]
     words = poor([*resting, recording(0.3, 0.3, "bad"), recording(0.02, 0.03, "good"), recording(0.9, 0.9, "worst")])

@@ -138,7 +138,8 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     if some:
         return (
             f"{said} The others are predicted better. What differs there? Joints that dry friction holds, another "
-            "load, faster motion, or a region that training has not seen (`symoden inspect` says which) do that."
+            "load, faster motion, an input that acts there alone and has the wrong sign or unit, or a region that "
+            "training has not seen (`symoden inspect` says which) do that."
         )
     return (
         f"{said} An input that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a "
@@ -147,7 +148,7 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
 
 
 def diverging(recordings: Sequence[RecordingScore]) -> str:
-    """What to say of rollouts of whole recordings that diverge.
+    """What to say of rollouts that diverge, over some windows or whole recordings.
 
     Args:
         recordings: Scores of recordings.
@@ -155,8 +156,15 @@ def diverging(recordings: Sequence[RecordingScore]) -> str:
     Returns:
         The words; none where all stay finite.
     """
-    names = [f"`{each.name}`" for each in recordings if not math.isfinite(each.rollout_rmse)]
-    return f"one rollout over the whole of {first_few(names, _FEW)} diverges. {_ASTRAY}" if names else ""
+
+    def names(some: Sequence[RecordingScore]) -> str:
+        return first_few((f"`{each.name}`" for each in some), _FEW)
+
+    lost = [each for each in recordings if math.isinf(each.window_rmse.mean)]
+    astray = [each for each in recordings if not math.isfinite(each.rollout_rmse)]
+    said = [f"over {_length(lost)} some predictions of {names(lost)} diverge"] if lost else []
+    said += [f"one rollout over the whole of {names(astray)} diverges"] if astray else []
+    return f"{', and '.join(said)}. {_ASTRAY}" if said else ""
 
 
 def by_heart(recordings: Sequence[RecordingScore]) -> str:
