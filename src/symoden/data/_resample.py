@@ -9,9 +9,8 @@ from ._errors import DataError
 from ._shapes import Inputs, Signals, Times
 from ._signals import whole_steps
 from ._trajectory import Trajectory
-from ._velocities import averaged_noise_gain
+from ._velocities import MOST_SAMPLES, averaged_noise_gain
 
-_MOST_SAMPLES = 50_000_000
 _FINEST = 50  # Samples between two of the recording: more tell nothing, and time stamps are in another unit.
 
 
@@ -40,9 +39,9 @@ def resample(trajectory: Trajectory, dt: float, *, hold: Literal["zero", "linear
         raise ValueError(f"`dt` must be positive; got {dt}.")
     ts, elapsed = trajectory.ts, trajectory.ts - trajectory.ts[0]
     (steps,) = whole_steps(elapsed[-1:], dt)
-    if not 1 <= steps < _MOST_SAMPLES:
+    if not 1 <= steps < MOST_SAMPLES:
         raise DataError(
-            f"`{trajectory.name}`: `resample` must give 2 to {_MOST_SAMPLES} samples; got a step of {dt} s for a "
+            f"`{trajectory.name}`: `resample` must give 2 to {MOST_SAMPLES} samples; got a step of {dt} s for a "
             f"recording of {elapsed[-1]:.6g} s."
         )
     usual = float(np.median(np.diff(ts)))

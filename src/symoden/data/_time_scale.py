@@ -8,11 +8,12 @@ from jaxtyping import Float
 
 from ._trajectory import Trajectory
 
-_IDLE: Final = 1e-3  # Share of the largest rate below which a coordinate rests.
+IDLE: Final = 1e-3
+"""Share of the liveliest coordinate's rate below which another one rests."""
 _MOST_FILLED: Final = 10  # Samples in place of one where sampling is uneven.
 
 
-def time_scales(trajectories: Sequence[Trajectory], *, idle: float = _IDLE) -> Float[np.ndarray, " k"]:
+def time_scales(trajectories: Sequence[Trajectory], *, idle: float = IDLE) -> Float[np.ndarray, " k"]:
     """Times in which rates change by about their own size: twice the lags after which they have changed by half.
 
     For a sine of angular frequency ω it is 1/ω, and so it is of one about a mean, such as the ripple of a wheel that

@@ -12,7 +12,8 @@ from ._shapes import Positions, Rates, Times
 from ._signals import longest_step
 from ._spans import choose_spans, fit_span
 
-_MOST_SAMPLES: Final = 50_000_000
+MOST_SAMPLES: Final = 50_000_000
+"""Samples of a recording: of more its time stamps are wrong, or in another unit."""
 
 
 def estimate_velocities(ts: Times, q: Positions, *, name: str, spans: Int[np.ndarray, " n"] | None = None) -> Rates:
@@ -117,7 +118,7 @@ def _nearest_with_others(ts: Times, parts: Sequence[slice]) -> Int[np.ndarray, "
 def _parts(ts: Times, name: str) -> list[slice]:
     """Stretches without a gap."""
     steps = np.diff(ts)
-    extreme = len(ts) >= LEAST and not LEAST - 1 <= (ts[-1] - ts[0]) / np.median(steps) + 0.5 < _MOST_SAMPLES
+    extreme = len(ts) >= LEAST and not LEAST - 1 <= (ts[-1] - ts[0]) / np.median(steps) + 0.5 < MOST_SAMPLES
     if len(ts) < LEAST or extreme:
         raise DataError(
             f"`{name}`: velocities are estimated from at least {LEAST} samples without extreme gaps; got {len(ts)} "

@@ -5,12 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from symoden.data import Trajectory, states, time_scales
+from symoden.data import IDLE, Trajectory, states, time_scales
 from symoden.known import KnownParts
 from symoden.models import KnownMagnitudes, Scales, known_magnitudes, parameter_units
 from symoden.spaces import Space
-
-_IDLE = 1e-3  # Share of the largest rate below which a coordinate rests.
 
 
 def measure_scales(
@@ -44,7 +42,7 @@ def measure_scales(
     time = time_scale(trajectories)
     us = np.concatenate([trajectory.us for trajectory in trajectories])
     velocity = _rms(slopes if momenta else rates)
-    velocity = np.maximum(velocity, _IDLE * velocity.max(initial=0.0))  # The flicker of an encoder is no motion.
+    velocity = np.maximum(velocity, IDLE * velocity.max(initial=0.0))  # The flicker of an encoder is no motion.
     inputs = _rms(us)
     given = KnownMagnitudes(None, None)
     at = (*states(trajectories, momenta=momenta), us)
