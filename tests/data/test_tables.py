@@ -38,10 +38,11 @@ def test_numbers_are_read_to_the_last_bit(tmp_path, values):
         't, "q" ,note\n0,1.5,"a, b"\n1,2.5,\n',
         "t,q\n0,1.5,,\n1,2.5\n",
         "t\tq\r\n0\t1.5\t\t\r\n1\t2.5 \t\r\n",
+        "t | q\n0 | 1.5\n1 | 2.5\n",
         "sep=;\nt;q\n0;1.5\n1;2.5\n",
         '"sep=,"\r\n# t,q\r\n0,1.5\r\n1,2.5\r\n',
     ],
-    ids=["commas", "semicolons", "tabs", "quotes", "surplus commas", "surplus tabs", "sep=;", "sep=,"],
+    ids=["commas", "semicolons", "tabs", "quotes", "surplus commas", "surplus tabs", "bars", "sep=;", "sep=,"],
 )
 def test_every_usual_way_to_write_a_table_is_understood(tmp_path, name, text):
     path = tmp_path / name
@@ -206,7 +207,7 @@ def test_rows_select_as_python_does(tmp_path, rows, start, stop):
     np.testing.assert_array_equal(found.signals["x"][:, 0], range(start, stop))
 
 
-@pytest.mark.parametrize("cell", ["", " ", "nan", "NaN", "NA", "n/a", "null", "None", "inf", "-inf"])
+@pytest.mark.parametrize("cell", ["", " ", "nan", "NaN", "NA", "n/a", "#N/A", "null", "None", "inf", "-inf"])
 def test_a_cell_without_a_number_is_nan(tmp_path, cell):
     path = written(tmp_path / "run.csv", f"a,b\n1,2\n3,{cell}\n5,6")
     np.testing.assert_array_equal(read_rows(path, {"x": ("a", "b")}, ALL).signals["x"], [[1, 2], [3, np.nan], [5, 6]])

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
-NOTHING: Final = ("", "na", "n/a", "null", "none")
+NOTHING: Final = ("", "na", "n/a", "#n/a", "null", "none")
 """What tables write where a sample is missing; NaN is a number."""
 _NO_NUMBERS: Final = (*NOTHING, "nan", "inf", "-inf")
 _COMMENTS: Final = ("#", "%")
@@ -206,7 +206,7 @@ def _named_above(comments: Sequence[str], columns: int) -> list[str]:
 
 def _separator(line: str, after: str) -> str:
     """What separates the cells of a table; blanks alone where lines agree on their number."""
-    for found in ";\t":  # Beside decimal commas there may be less of them.
+    for found in ";\t|":  # Beside decimal commas there may be less of them.
         if any(found in text and _is_row(cells_of(text, found)) for text in (line, after)):
             return found
         if 0 < line.count(found) == after.count(found):

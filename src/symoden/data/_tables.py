@@ -30,7 +30,7 @@ _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
 def read_csv(path: Path) -> pl.DataFrame:
-    """Read a table of text, separated by commas, semicolons, tabs or blanks.
+    """Read a table of text, separated by commas, semicolons, tabs, bars or blanks.
 
     A line of names comes first. Comments before it (`#`, `%`), whatever a program said before the table, and a line of
     units after the names are left out; the last comment names the columns where no other line does, as NumPy writes it.
