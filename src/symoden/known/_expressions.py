@@ -20,11 +20,16 @@ FUNCTIONS: Final = (
 _SMOOTH_SIGN: Final = (
     " A smooth sign of x is `x/sqrt(x**2 + 1e-4)`. As friction is −D v, a dry friction F is D = `F/sqrt(v1**2 + 1e-4)`."
 )
+_PRODUCT: Final = " A product is written `*`, as in `2*a*(1 - cos(q1))`."
+_NO_SIGN: Final = re.compile(  # A number, a name or a parenthesis right before another one; 1e-4 is a number.
+    r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?+\s*[A-Za-z_(]|\)\s*[\w(]|\w\s+\w|\w\s+\("
+)
 _LONGEST: Final = 4000
 _DEEPEST: Final = 100
 _LARGEST_POWER: Final = 16
 _CHARACTERS: Final = re.compile(r"[A-Za-z0-9_.+\-*/()\s]*")
 _OPERATORS: Final[dict[type, str]] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
+_INSTEAD: Final = {"^": " A power is written `**`.", "·": _PRODUCT, "×": _PRODUCT}
 _APPLY: Final[dict[str, Callable[[Any, Any], Any]]] = {
     "+": operator.add,
     "-": operator.sub,
@@ -107,12 +112,12 @@ def _parse(text: str) -> Tree:
         )
     if not _CHARACTERS.fullmatch(text):
         odd = next(character for character in text if not _CHARACTERS.fullmatch(character))
-        _refuse(text, f"`{odd}`", hint=" A power is written `**`." if odd == "^" else "")
+        _refuse(text, f"`{odd}`", hint=_INSTEAD.get(odd, ""))
     text = " ".join(text.split())
     try:
         return _tree(ast.parse(text, mode="eval").body, text, depth=0)
     except (SyntaxError, RecursionError, MemoryError):
-        _refuse(text, "what cannot be read")
+        _refuse(text, "what cannot be read", hint=_PRODUCT if _NO_SIGN.search(text) else "")
     except OverflowError:
         _refuse(text, "a number too large")
 
@@ -155,8 +160,16 @@ def _leaf(node: ast.expr, text: str) -> Tree:
     number = _number(node)
     if number is not None:
         return ("number", number)
-    signed = isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("sign", "sgn")
-    _refuse(text, f"`{(ast.get_source_segment(text, node) or text)[:40]}`", hint=_SMOOTH_SIGN if signed else "")
+    _refuse(text, f"`{(ast.get_source_segment(text, node) or text)[:40]}`", hint=_hint(node))
+
+
+def _hint(node: ast.expr) -> str:
+    """What is perhaps meant by parentheses after something that is no function."""
+    if not isinstance(node, ast.Call):
+        return ""
+    if isinstance(node.func, ast.Name) and node.func.id in ("sign", "sgn"):
+        return _SMOOTH_SIGN
+    return _PRODUCT
 
 
 def _number(node: ast.expr) -> float | None:
