@@ -92,6 +92,7 @@ def test_a_clipped_signal_is_cut_off(limit):
     clipped = np.clip(wave, -limit, limit)
     assert share_cut_off(clipped) == pytest.approx((np.abs(wave) >= limit).mean(), abs=1e-3)
     assert share_cut_off(np.maximum(wave, 0)) == 0  # at rest at 0
+    assert share_cut_off(np.append(np.linspace(-0.9, 0.9, 49), 1.2)) == 0  # One sample of fifty has to be the largest.
     assert share_cut_off(wave) == share_cut_off(np.sign(wave)) == share_cut_off(0 * wave) == 0
     assert share_cut_off(0.01 * np.round(wave / 0.01)) == 0
 

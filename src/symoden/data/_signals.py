@@ -12,7 +12,7 @@ _MODES, _PARTS, _RECURS = 5, 6, 0.003
 _ON_GRID, _ON_GRID_TOO, _NEAR, _TINY = 0.85, 0.6, 0.1, 1e-3
 _LEAST_CHANGES = 0.01  # share of the samples; a staircase changes more seldom, and is no rounding
 _FEWEST_OTHERS = 3  # changes beside these, pauses included
-_LEAST_AT_EXTREME, _EDGE = 0.01, 0.05
+_LEAST_AT_EXTREME, _FEWEST_AT_EXTREME, _EDGE = 0.01, 3, 0.05
 _EQUAL: Final = 1e-9  # of the signal's range: changes that are no more are errors of floats
 _USUAL: Final = 0.95  # share of the steps that are at most a usual one
 _ROUNDED: Final = 1e-3  # of a step: what time stamps may lack to a whole one
@@ -196,8 +196,8 @@ def standstills(ts: Times, signal: np.ndarray, *, least: int, longest: float) ->
 def share_cut_off(signal: np.ndarray) -> float:
     """Share of samples at the largest or smallest value of a signal that is cut off there.
 
-    A signal is cut off at an extreme value, other than 0, that holds more samples than the 5 % of the range next
-    to it. One with few different values, such as a switched one, is not.
+    A signal is cut off at an extreme value, other than 0, that holds three samples and more than the 5 % of the range
+    next to it. One with few different values, such as a switched one, is not.
 
     Args:
         signal: Samples.
@@ -210,8 +210,9 @@ def share_cut_off(signal: np.ndarray) -> float:
         return 0.0
     total = 0.0
     for depth, extreme in ((signal.max() - signal, signal.max()), (signal - signal.min(), signal.min())):
-        at = float((depth <= 1e-6 * span).mean())
+        count = int((depth <= 1e-6 * span).sum())
+        at = count / len(signal)
         beside = float(((depth > 1e-6 * span) & (depth <= _EDGE * span)).mean())
-        if at >= _LEAST_AT_EXTREME and at > beside and abs(extreme) > 1e-6 * span:
+        if count >= _FEWEST_AT_EXTREME and at >= _LEAST_AT_EXTREME and at > beside and abs(extreme) > 1e-6 * span:
             total += at
     return total
