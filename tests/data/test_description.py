@@ -73,6 +73,11 @@ BAD = [
         f"{LEAST}row = [0, 1]\n",
         r"\[train\] has no key `row`\. Did you mean `rows`\? The keys are `files, rows, recordings, split_every`",
     ),
+    (
+        f"{LEAST}hold = 'zero'\n",
+        r"\[train\] has no key `hold`\. `hold` is a key of .* must stand above all tables\. Move",
+    ),
+    (f"{LEAST}[known]\nresample = 1\n", r"\[known\] has no key `resample`\. `resample` is a key of the whole desc"),
     (LEAST.replace('space = "T1"\n', ""), "`space` must be given; found `time, positions`"),
     (LEAST.replace("positions", "position"), r"no key `position`\. Did you mean `positions`"),
     (LEAST.replace('files = ["a.csv"]', ""), r"\[train\] `files` must be given; found nothing"),

@@ -13,7 +13,7 @@ from ._errors import DataError, listing, nearest
 from ._known import KEYS as KNOWN_KEYS, read_known
 from ._readers import Selector, names_in, variable_of
 from ._units import is_named, si_of, units_of
-from ._values import KEYS, PART_KEYS, PARTS, Check
+from ._values import KEYS, PART_KEYS, PARTS, Check, misplaced
 
 _FITTING: Final[Mapping[str, tuple[str, ...]]] = {"time": ("s",), "inputs": ("N", "N m", "A", "V")}
 """What columns may become that are neither of lengths nor of angles."""
@@ -154,7 +154,7 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
         if name in table
     }
     if "known" in table:
-        parts["known"] = read_known(path, table.pop("known"))
+        parts["known"] = read_known(path, table.pop("known"), above=table)
     if space is not None:
         table["space"] = space
     values = _checked(path, "", table, KEYS, required=("space", "positions"))
@@ -201,7 +201,7 @@ def _checked(
                     f"`{path}`: `{key}` must stand under [known]; it stands above all tables. Move it there."
                 )
             raise DataError(
-                f"`{path}`: {where or 'a description '}has no key `{key}`.{nearest(key, known)} "
+                f"`{path}`: {where or 'a description '}has no key `{key}`.{misplaced(key) or nearest(key, known)} "
                 f"The keys are {listing(known)}."
             )
     for key in required:

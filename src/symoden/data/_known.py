@@ -1,22 +1,25 @@
 """The table [known] of a description: parts of the mechanism that are given."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 from symoden.known import GRAVITY, PARTS, KnownParts, Robot, read_urdf
 
 from ._errors import DataError, listing, nearest
+from ._values import misplaced
 
 KEYS: Final = (*PARTS, "robot", "constants", "parameters", "correct")
 _ROBOT: Final = ("urdf", "joints", "at", "gravity")
 
 
-def read_known(path: Path, table: object) -> KnownParts:
+def read_known(path: Path, table: object, *, above: Mapping[str, object]) -> KnownParts:
     """Read the table [known].
 
     Args:
         path: The description, for messages.
         table: What TOML made of the table.
+        above: What stands above all tables: its `positions` and `inputs` tell the sizes of matrices.
 
     Returns:
         The given parts.
@@ -28,7 +31,8 @@ def read_known(path: Path, table: object) -> KnownParts:
         raise DataError(f"`{path}`: [known] must be a table; got {table!r}.")
     for key in table:
         if key not in KEYS:
-            raise DataError(f"`{path}`: [known] has no key `{key}`.{nearest(key, KEYS)} The keys are {listing(KEYS)}.")
+            hint = misplaced(key) or nearest(key, KEYS)
+            raise DataError(f"`{path}`: [known] has no key `{key}`.{hint} The keys are {listing(KEYS)}.")
     for key in ("constants", "parameters"):
         if not isinstance(table.get(key, {}), dict):
             raise DataError(f"`{path}`: [known.{key}] must be a table of names and numbers; got {table[key]!r}.")
@@ -36,10 +40,25 @@ def read_known(path: Path, table: object) -> KnownParts:
     if not isinstance(correct, list) or not all(isinstance(name, str) for name in correct):
         raise DataError(f"`{path}`: [known] `correct` must be a list of names of parts; got {correct!r}.")
     try:
+        _refuse_other_shapes(table, above)
         robot = {"robot": _read_robot(path, table["robot"])} if "robot" in table else {}
         return KnownParts(**{**table, **robot, "correct": tuple(correct)})
     except ValueError as error:
         raise DataError(f"`{path}`: [known] {error}") from None
+
+
+def _refuse_other_shapes(table: Mapping[str, object], above: Mapping[str, object]) -> None:
+    """Refuse matrices of another size, of which a name that stands in no formula may be the consequence."""
+    n, m = (len(given) if isinstance(given := above.get(key), list) else None for key in ("positions", "inputs"))
+    for name, shape in (("mass_matrix", (n, n)), ("dissipation_matrix", (n, n)), ("input_matrix", (n, m))):
+        rows = table.get(name)
+        if n is None or not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
+            continue  # What is no list of rows is refused in other words.
+        widths = {len(row) for row in rows}
+        if len(rows) != n or (len(widths) == 1 and shape[1] is not None and widths != {shape[1]}):
+            size = f"have {n} row{'s' * (n > 1)}" if shape[1] is None else f"be {n} × {shape[1]}"
+            got = f"{len(rows)} × {' or '.join(map(str, sorted(widths)))}"
+            raise ValueError(f"`{name}` must {size}; got {got}. Give one row per coordinate.")
 
 
 def _read_robot(path: Path, table: object) -> Robot:

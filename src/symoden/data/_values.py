@@ -199,3 +199,15 @@ KEYS: Final[dict[str, Check]] = {
     "input_matrix": _matrix,
     "initial_samples": _count,
 }
+
+
+def misplaced(key: str) -> str:
+    """What to say of a key that stands in a table and belongs above all of them.
+
+    Args:
+        key: The key.
+
+    Returns:
+        The words; none of any other key.
+    """
+    return f" `{key}` is a key of the whole description: it must stand above all tables. Move it there." * (key in KEYS)
