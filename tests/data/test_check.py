@@ -340,3 +340,29 @@ def test_a_clock_in_another_unit_is_blamed_and_not_the_velocities(tmp_path, size
     assert (finding.level, finding.channel) == ("warning", "")
     assert f"time stamps in {unit}, not in s?" in finding.text
     assert f'units = {{t = "{unit}"}}' in finding.advice
+
+
+@pytest.mark.parametrize(("factor", "known"), [(0.16, True), (0.03, False), (2.5, False)])
+def test_where_all_coordinates_disagree_by_the_same_factor_the_step_of_time_is_asked_for_first(tmp_path, factor, known):
+    path = written(tmp_path, arm(jitter=0.0), arm(1, jitter=0.0))
+    path.write_text(path.read_text().replace('time = "t"', f"dt = {0.005 / factor}"))
+    assert found(path) == [("unit", "warning", "")] * 2
+    for check in check_dataset(path).recordings:
+        (finding,) = (one for one in check.findings if one.kind == "unit")
+        assert "as far as their velocities say: is `dt` right?" in finding.text
+        step = re.search(r"write `dt = ([\d.]+)`", finding.advice)
+        assert step is not None
+        assert float(step[1]) == pytest.approx(0.005, rel=0.05)
+        assert ("as for positions in turns, velocities in rad/s" in finding.advice) == known
+
+
+def test_where_all_coordinates_disagree_as_by_degrees_no_clock_is_blamed(tmp_path):
+    every = found(written(tmp_path, scale(arm(), q1=180 / np.pi, q2=180 / np.pi)))
+    assert every == [("unit", "warning", "q1"), ("unit", "warning", "q2")]
+
+
+def test_time_stamps_that_are_off_by_a_factor_are_asked_for_first(tmp_path):
+    path = written(tmp_path, scale(arm(), t=3.0))
+    assert found(path) == [("unit", "warning", "")]
+    (finding,) = (one for one in check_dataset(path).recordings[0].findings if one.level == "warning")
+    assert re.match(r"If not, write `units = \{t = 0\.33\d*\}` into the description, or", finding.advice)

@@ -39,12 +39,13 @@ class Examination:
     slopes: tuple[SlopeComparison, ...] = ()
 
 
-def examine(facts: Facts | None, description: Description) -> Examination:
+def examine(facts: Facts | None, description: Description, *, clock: Finding | None = None) -> Examination:
     """Look at the rows of a log that are used.
 
     Args:
         facts: What was measured of them; None where there are too few.
         description: What they mean.
+        clock: That the clock of all logs is wrong, if so: then nothing else is asked of velocities.
 
     Returns:
         What was found.
@@ -56,7 +57,7 @@ def examine(facts: Facts | None, description: Description) -> Examination:
     slopes = compare_with_slopes(facts)
     findings = (
         *(stuck := find_stuck(facts)),
-        *find_mismatches(facts, stuck),
+        *([clock] if clock else find_mismatches(facts, stuck)),
         *_saturation(facts),
         *(rounded := _rounding(facts)),
         *find_inaccurate(slopes, named={one.channel for one in rounded}, trusted=description.trust_velocities),

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from ._description import Description
 from ._errors import listing
 from ._facts import Facts
 from ._findings import Finding
@@ -19,6 +20,9 @@ _TURNS = 5  # in both directions without a wrap, beyond which an angle is perhap
 _REVERSES = 1.5
 _DEGREES = 180 / np.pi
 _CLOCKS: Final = (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns")  # What makes of seconds so much of ∫v dt.
+_TURNED: Final = frozenset(
+    {"rev", "rev/s"}
+)  # Units that all columns of a log have more seldom than it has a wrong `dt`.
 _SLOW = 0.5  # [s] between samples, which hardly a logger takes; of a single joint the units may be wrong as well.
 
 # Factor of the position's displacement over the integrated velocity: what explains it, and units for both columns.
@@ -36,6 +40,43 @@ _LENGTHS: Final = (
     (0.001, "positions in m, velocities in mm/s", {"v": "mm/s"}),
     (0.01, "positions in m, velocities in cm/s", {"v": "cm/s"}),
 )
+
+
+def find_wrong_clock(every: Sequence[Facts], description: Description) -> Finding | None:
+    """Find a clock that is wrong by a factor, where several coordinates disagree with their velocities by the same.
+
+    Of what is measured in one unit the unit may be wrong as well; then each position and velocity is told so.
+
+    Args:
+        every: Facts of each log of a data set.
+        description: What it means.
+
+    Returns:
+        One finding for all logs, or none.
+    """
+    known = [(i, ratio) for facts in every for i, ratio in enumerate(facts.ratios) if ratio.known]
+    if len({i for i, _ in known}) <= 1 or any(ratio.misfit > UNRELATED for _, ratio in known):
+        return None
+    factor = float(np.median([ratio.factor for _, ratio in known]))
+    alike = factor > 0 and all(abs(ratio.factor / factor - 1) < AGREES for _, ratio in known)
+    if not alike or abs(factor - 1) < AGREES or any(abs(factor / size - 1) < _SAME for size, _ in _CLOCKS):
+        return None
+    kinds = {every[0].kinds[i] for i, _ in known}
+    units = [each for each in _factors(kinds.pop()) if abs(factor / each[0] - 1) < AGREES] if len(kinds) == 1 else []
+    if any(description.dt is None or description.time is not None or _TURNED.isdisjoint(u.values()) for *_, u in units):
+        return None
+    clock, rounded = every[0].clock, float(f"{factor:.3g}")
+    what = "are time stamps right?" if clock else "is `dt` right?"
+    write = entry({clock: rounded}, every[0].units) if clock else f"`dt = {(description.dt or 1.0) * factor:.3g}`"
+    others = f", as for {units[0][1]}" if units else ""
+    return Finding(
+        kind="unit",
+        level="warning",
+        channel="",
+        text=f"all positions move about {rounded:g} times as far as their velocities say: {what}",
+        advice=f"If not, write {write}, or what you know it to be. Otherwise positions or velocities are in another "
+        f"unit{others}: name it in `units`.",
+    )
 
 
 def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:

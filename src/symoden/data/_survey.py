@@ -16,6 +16,7 @@ from ._late import replace_late
 from ._logs import Log, read_logs
 from ._masking import Mask
 from ._merged import on_one_clock
+from ._mismatch import find_wrong_clock
 from ._recordings import rows_to_use
 from ._stuck import StuckRows, find_stuck_rows
 
@@ -56,7 +57,9 @@ def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey
     spots = blind_spots(logs, is_angle, description.blind)
     measured = [_measured(log, description, is_angle, spots) for log in logs]
     rows = [chosen for chosen, _ in measured]
-    used, examined, replaced = replace_late(logs, [examine(facts, description) for _, facts in measured], description)
+    clock = find_wrong_clock([facts for _, facts in measured if facts], description)
+    examined = [examine(facts, description, clock=clock) for _, facts in measured]
+    used, examined, replaced = replace_late(logs, examined, description)
     if replaced:  # What velocities lacked is lacking no more.
         rows = [
             _rows(log, description, is_angle, spots, _stuck(chosen)) for log, chosen in zip(used, rows, strict=True)
