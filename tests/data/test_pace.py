@@ -8,7 +8,10 @@ from hypothesis import given, settings, strategies as st
 
 from symoden.data import Dataset, Trajectory
 from symoden.data._pace import find_fast_sampling
+from symoden.spaces import Space
 from symoden.training import time_scale
+
+TURNS = np.array([True, True])
 
 
 def swing(frequency, step, *, samples=30_000, noise=0.0):
@@ -21,7 +24,7 @@ def swing(frequency, step, *, samples=30_000, noise=0.0):
 
 
 def test_a_slow_swing_at_1000_hertz_is_told_the_step_that_is_enough():
-    (finding,) = find_fast_sampling(swing(3, 0.001))
+    (finding,) = find_fast_sampling(swing(3, 0.001), TURNS)
     assert (finding.kind, finding.level) == ("time", "note")
     assert "about 10 times as fast as the motion needs" in finding.text
     assert finding.advice.startswith("`resample = 0.01` ")
@@ -32,10 +35,10 @@ def test_a_slow_swing_at_1000_hertz_is_told_the_step_that_is_enough():
 @given(frequency=st.floats(1, 20), samples=st.floats(80, 500))
 def test_the_advised_step_leaves_samples_enough_and_is_advised_once(frequency, samples):
     data = swing(frequency, 1 / (frequency * samples))
-    (finding,) = find_fast_sampling(data)
+    (finding,) = find_fast_sampling(data, TURNS)
     (step,) = map(float, re.findall(r"resample = (\S+)`", finding.advice))
-    assert 20 <= time_scale(data.train) / step <= 80
-    assert find_fast_sampling(swing(frequency, step)) == []
+    assert 20 <= time_scale(data.train, Space.parse(data.space)) / step <= 80
+    assert find_fast_sampling(swing(frequency, step), TURNS) == []
 
 
 @pytest.mark.parametrize(
@@ -49,8 +52,8 @@ def test_the_advised_step_leaves_samples_enough_and_is_advised_once(frequency, s
     ids=["few", "fast", "noisy", "none"],
 )
 def test_what_is_short_fast_noisy_or_absent_is_not(data):
-    assert find_fast_sampling(data) == []
+    assert find_fast_sampling(data, TURNS) == []
 
 
 def test_a_machine_at_rest_is_not():
-    assert find_fast_sampling(swing(0, 0.001)) == []
+    assert find_fast_sampling(swing(0, 0.001), TURNS) == []

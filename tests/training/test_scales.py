@@ -1,12 +1,16 @@
 """Units and windows from recordings of every ordinary kind: uneven clocks, resting joints, short pieces."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from symoden.data import Dataset, Trajectory
+from symoden.data import Dataset, Trajectory, windows
+from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training._data import _horizon, _usual_steps
+from symoden.training._objective import Batch, channel_weights
 from symoden.training._scales import measure_scales, time_scale
 
 
@@ -29,7 +33,7 @@ def bursts(steps, until):
 @settings(max_examples=20, deadline=None)
 def test_the_time_scale_of_a_sine_is_one_over_its_frequency(omega, mean, resting):
     recording = swing(np.arange(0, 60, 0.01), omega=omega, mean=mean, resting=resting)
-    assert time_scale([recording]) == pytest.approx(1 / omega, rel=0.05)
+    assert time_scale([recording], Space.parse(f"R{recording.q.shape[1]}")) == pytest.approx(1 / omega, rel=0.05)
 
 
 @pytest.mark.parametrize(
@@ -42,13 +46,13 @@ def test_the_time_scale_of_a_sine_is_one_over_its_frequency(omega, mean, resting
     ids=["bursts", "two rates", "at random"],
 )
 def test_the_time_scale_is_in_seconds_whatever_the_clock(clocks):
-    assert time_scale([swing(ts) for ts in clocks]) == pytest.approx(1 / 3, rel=0.1)
+    assert time_scale([swing(ts) for ts in clocks], Space.parse("R1")) == pytest.approx(1 / 3, rel=0.1)
 
 
 def test_the_time_scale_of_rest_is_the_length_of_the_recording():
     ts = np.arange(0, 1, 0.01)
     still = Trajectory(name="still", ts=ts, q=np.ones((100, 1)), rates=np.zeros((100, 1)), us=np.zeros((100, 0)))
-    assert time_scale([still]) == pytest.approx(2 * 0.99)
+    assert time_scale([still], Space.parse("R1")) == pytest.approx(2 * 0.99)
 
 
 def test_the_flicker_of_an_encoder_is_no_scale():
@@ -58,6 +62,23 @@ def test_the_flicker_of_an_encoder_is_no_scale():
     moved = Trajectory(name="flicker", ts=recording.ts, q=recording.q, rates=flicker, us=recording.us)
     velocity = measure_scales([moved], Space.parse("R2"), momenta=False).velocity
     assert velocity[1] == pytest.approx(1e-3 * velocity[0])
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3, 1e6, 1e-6])
+def test_the_unit_of_lengths_beside_angles_is_no_matter(unit):
+    """A cart and its pole: in micrometres the cart moves a million times as far, and the pole does not rest."""
+    space, ts = Space.parse("R1 T1"), np.arange(0, 10, 0.01)
+    q = np.stack([unit * np.sin(ts), 0.05 * np.sin(4 * ts)], 1)
+    v = np.stack([unit * np.cos(ts), 0.2 * np.cos(4 * ts)], 1)
+    cart = Trajectory(name="cart", ts=ts, q=q, rates=v, us=np.zeros((len(ts), 0)))
+    velocity = measure_scales([cart], space, momenta=False).velocity
+    assert velocity == pytest.approx([unit / np.sqrt(2), 0.2 / np.sqrt(2)], rel=0.05)
+    assert time_scale([cart], space) == pytest.approx((1 + 1 / 4) / 2, rel=0.05)  # The median of both.
+    batch, built = Batch.of(windows([cart], 100, stride=10)), build(ModelConfig(), space, 0, key=jax.random.key(0))
+    weights = channel_weights(batch, built)
+    units = jnp.asarray([[[unit, 1.0]]])
+    plain = channel_weights(batch._replace(q=batch.q / units, rates=batch.rates / units), built)
+    assert weights * [unit, 1, 1, unit, 1] == pytest.approx(plain)
 
 
 @pytest.mark.parametrize("piece", [25, 40, 100])

@@ -16,7 +16,7 @@ from ._split import (
     split_validation as split_validation,
     validates_by_ends as validates_by_ends,
 )
-from ._time_scale import IDLE as IDLE, time_scales as time_scales
+from ._time_scale import least_lively as least_lively, time_scales as time_scales
 from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory
 from ._unreadable import Unreadable as Unreadable
@@ -25,7 +25,6 @@ from ._windows import Windows as Windows, spaced_evenly as spaced_evenly, window
 from ._write_dataset import write_dataset as write_dataset
 
 __all__ = [
-    "IDLE",
     "ChannelFacts",
     "DataError",
     "DataWarning",
@@ -43,6 +42,7 @@ __all__ = [
     "choose_spans",
     "estimate_velocities",
     "halves",
+    "least_lively",
     "measure_noise",
     "read_dataset",
     "resample",

@@ -168,7 +168,7 @@ def _assembled(
         return [refusal(error)]
     inputs = *find_feedback(dataset, is_angle), *find_late_inputs(dataset, description.input_delay, is_angle)
     signs = find_input_signs(dataset, description, is_angle)
-    return [*find_copies(logs), *find_short(dataset), *find_fast_sampling(dataset), *inputs, *signs]
+    return [*find_copies(logs), *find_short(dataset), *find_fast_sampling(dataset, is_angle), *inputs, *signs]
 
 
 def _check(

@@ -15,11 +15,12 @@ _LARGE: Final = 20_000  # rows from which on training takes long
 _IDLE: Final = 0.01  # of the liveliest rate: below it are trembling and noise
 
 
-def find_fast_sampling(dataset: Dataset) -> list[Finding]:
+def find_fast_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     """Say that recordings have many more samples than their motion needs.
 
     Args:
         dataset: Recordings as training sees them.
+        is_angle: Whether each coordinate is an angle.
 
     Returns:
         One finding, or none.
@@ -28,7 +29,7 @@ def find_fast_sampling(dataset: Dataset) -> list[Finding]:
     if rows <= _LARGE:
         return []
     step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in dataset.train])))
-    time = float(np.min(time_scales(dataset.train, idle=_IDLE)))
+    time = float(np.min(time_scales(dataset.train, is_angle, idle=_IDLE)))
     longest = max(recording.duration for recording in dataset.train)
     if not _MANY * step <= time < longest:  # A longer one was not seen: the machine rests, or drifts.
         return []

@@ -4,16 +4,38 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from ._trajectory import Trajectory
 
 IDLE: Final = 1e-3
-"""Share of the liveliest coordinate's rate below which another one rests."""
+"""Share of what the liveliest length, or angle, has, below which another one rests."""
 _MOST_FILLED: Final = 10  # Samples in place of one where sampling is uneven.
 
 
-def time_scales(trajectories: Sequence[Trajectory], *, idle: float = IDLE) -> Float[np.ndarray, " k"]:
+def least_lively(
+    sizes: Float[np.ndarray, " n"], is_angle: Sequence[bool] | Bool[np.ndarray, " n"], *, idle: float = IDLE
+) -> Float[np.ndarray, " n"]:
+    """Sizes below which coordinates rest: nothing moves, or an encoder flickers.
+
+    Lengths are compared with lengths and angles with angles: a cart may be logged in micrometres beside radians.
+
+    Args:
+        sizes: What every coordinate has of something.
+        is_angle: Which of them are angles.
+        idle: Share of the largest of its kind.
+
+    Returns:
+        The least size of every coordinate.
+    """
+    angles = np.asarray(is_angle, bool)
+    largest = [sizes[angles == kind].max(initial=0.0) for kind in (False, True)]
+    return idle * np.where(angles, largest[1], largest[0])
+
+
+def time_scales(
+    trajectories: Sequence[Trajectory], is_angle: Sequence[bool] | Bool[np.ndarray, " n"], *, idle: float = IDLE
+) -> Float[np.ndarray, " k"]:
     """Times in which rates change by about their own size: twice the lags after which they have changed by half.
 
     For a sine of angular frequency ω it is 1/ω, and so it is of one about a mean, such as the ripple of a wheel that
@@ -21,7 +43,8 @@ def time_scales(trajectories: Sequence[Trajectory], *, idle: float = IDLE) -> Fl
 
     Args:
         trajectories: Recordings.
-        idle: Share of the liveliest coordinate's rate below which another one rests.
+        is_angle: Which coordinates are angles.
+        idle: Share of the rate of the liveliest of its kind below which a coordinate rests.
 
     Returns:
         The time scale [s] of each coordinate that moves: twice the longest lag where its rate changes less, and alone
@@ -31,12 +54,12 @@ def time_scales(trajectories: Sequence[Trajectory], *, idle: float = IDLE) -> Fl
         >>> ts = 0.01 * np.arange(1000)
         >>> q, v = np.sin(3 * ts)[:, None], 3 * np.cos(3 * ts)[:, None]
         >>> swing = Trajectory(name="swing", ts=ts, q=q, rates=v, us=q[:, :0])
-        >>> time_scales([swing]).round(2).tolist()
+        >>> time_scales([swing], [False]).round(2).tolist()
         [0.34]
     """
     step, recordings = _evenly(trajectories)
     size = np.std(np.concatenate(recordings), axis=0)
-    moving = size > idle * size.max(initial=0.0)
+    moving = size > least_lively(size, is_angle, idle=idle)
     half = 0.5 * size[moving]
     longest = max(map(len, recordings)) - 1
     previous, before = np.zeros_like(half), 0

@@ -198,7 +198,7 @@ def _horizon(dataset: Dataset, share: float, least: int) -> int:
     """Steps in a share of the motion's time scale; two windows or more fill a recording, but for a few short ones."""
     recordings = dataset.train + dataset.validation
     step = float(np.mean(np.concatenate([np.diff(recording.ts) for recording in recordings])))
-    wanted = max(least, round(share * time_scale(dataset.train) / step))
+    wanted = max(least, round(share * time_scale(dataset.train, Space.parse(dataset.space)) / step))
     parts = [part for part in (dataset.train, dataset.validation) if part]
     longest = min(_usual_steps(part, 2 * wanted) for part in parts)
     most = longest // least  # Windows that are long enough.

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from symoden.data import SensorNoise, Trajectory, measure_noise, windows
+from symoden.data import SensorNoise, Trajectory, least_lively, measure_noise, windows
 from symoden.integrate import AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
@@ -54,8 +54,8 @@ def _channels(
 ) -> tuple[Float[np.ndarray, " o"], Float[np.ndarray, " o"]]:
     """Weight of every observed channel, and the noise of its sensor."""
     sensors = np.concatenate([noise.q, noise.rates])
-    spread = np.std(np.concatenate([recording.q, recording.rates], axis=1), axis=0)
-    finest = _FINEST * np.maximum(spread, _FINEST * spread.max())
+    spreads = [np.std(signals, axis=0) for signals in (recording.q, recording.rates)]
+    finest = _FINEST * np.concatenate([np.maximum(each, least_lively(each, space.is_angle)) for each in spreads])
     finest[space.angles] = np.minimum(finest[space.angles], _FINEST)  # They are seen on the unit circle.
     order = channel_order(space)
     return 1 / np.maximum(sensors, finest)[order], sensors[order]

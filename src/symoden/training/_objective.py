@@ -12,7 +12,7 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, Int
 
-from symoden.data import Windows
+from symoden.data import Windows, least_lively
 from symoden.integrate import AbstractSolver, Hold, rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
@@ -22,7 +22,6 @@ from ._flatten import cast
 from ._weighing import Weighing, Whitening
 
 _MOST_TRUST = 1e3  # In a sensor, against the residuals.
-_RESTING = 1e-3  # Share of the largest change that one counts as at least.
 
 
 class Batch(NamedTuple):
@@ -232,6 +231,7 @@ def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:
     observed = np.concatenate([q[..., space.lengths], np.cos(angles), np.sin(angles), batch.rates], axis=-1)
     spread = np.sqrt(np.mean((observed[:, 1:] - observed[:, :1]) ** 2, axis=(0, 1)))
     # What rests must not outweigh what moves: the flicker of an encoder, or nothing at all.
-    positions = space.embedded_size
-    least = [np.full_like(part, _RESTING * part.max(initial=0.0)) for part in np.split(spread, [positions])]
+    positions, lengths = space.embedded_size, len(space.lengths)
+    circular = np.arange(positions) >= lengths
+    least = [least_lively(spread[:positions], circular), least_lively(spread[positions:], space.is_angle)]
     return 1 / np.maximum(np.maximum(spread, np.concatenate(least)), 1e-300)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from symoden.data import IDLE, Trajectory, states, time_scales
+from symoden.data import Trajectory, least_lively, states, time_scales
 from symoden.known import KnownParts
 from symoden.models import KnownMagnitudes, Scales, known_magnitudes, parameter_units
 from symoden.spaces import Space
@@ -33,16 +33,16 @@ def measure_scales(
         known: Parts that are given, if any.
 
     Returns:
-        The scales; what never moves has unit scale, and what hardly does a thousandth of the fastest one's.
+        The scales; what never moves has unit scale, and what hardly does a thousandth of the fastest one's of its kind.
     """
     lengths = np.concatenate([trajectory.q for trajectory in trajectories])[:, space.lengths]
     circles = np.zeros(space.embedded_size - lengths.shape[1])
     rates = np.concatenate([trajectory.rates for trajectory in trajectories])
     slopes = np.concatenate([np.diff(t.q, axis=0) / np.diff(t.ts)[:, None] for t in trajectories])
-    time = time_scale(trajectories)
+    time = time_scale(trajectories, space)
     us = np.concatenate([trajectory.us for trajectory in trajectories])
     velocity = _rms(slopes if momenta else rates)
-    velocity = np.maximum(velocity, IDLE * velocity.max(initial=0.0))  # The flicker of an encoder is no motion.
+    velocity = np.maximum(velocity, least_lively(velocity, space.is_angle))  # The flicker of an encoder is no motion.
     inputs = _rms(us)
     given = KnownMagnitudes(None, None)
     at = (*states(trajectories, momenta=momenta), us)
@@ -69,16 +69,17 @@ def measure_scales(
     return replace(scales, parameters=units)
 
 
-def time_scale(trajectories: Sequence[Trajectory]) -> float:
+def time_scale(trajectories: Sequence[Trajectory], space: Space) -> float:
     """Time in which rates change by about their own size [s], see `time_scales`.
 
     Args:
         trajectories: Recordings.
+        space: Their configuration space.
 
     Returns:
         Median of the time scales of the coordinates that move.
     """
-    return float(np.median(time_scales(trajectories)))
+    return float(np.median(time_scales(trajectories, space.is_angle)))
 
 
 def _rms(samples: np.ndarray) -> np.ndarray:
