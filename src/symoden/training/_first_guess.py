@@ -35,10 +35,9 @@ from symoden.shapes import Coordinates, DissipationMatrix, Velocities
 from ._data import Data
 from ._gauss_newton import linearize
 from ._objective import Batch
-from ._verdicts import compare
+from ._verdicts import CHANCE, compare
 
 _KNEE: Final = 0.03  # Of the typical velocity: about where dry friction sets in.
-_CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
 _RIDGE: Final = 1e-3  # Beside what each number is known to: what nothing tells is zero.
 _STEPS: Final = 20
 _HALVINGS: Final = 6
@@ -107,7 +106,7 @@ def guess(model: StructuredModel, data: Data, progress: Callable[[int, int, floa
         return plain
     dry = _solved(_Unknowns(model, dry=True), data, report)
     one, other = (_driven(begin_with(model, found), found) for found in (dry, plain))
-    return dry if compare(data, one, other, data.objective) < -_CHANCE else plain
+    return dry if compare(data, one, other, data.objective) < -CHANCE else plain
 
 
 def as_heavy(model: AbstractDynamics, begun: AbstractDynamics, q: Float[np.ndarray, "k n"]) -> AbstractDynamics:

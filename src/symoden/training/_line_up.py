@@ -30,10 +30,9 @@ from ._flatten import freed
 from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
+from ._verdicts import CHANCE, CLEAR
 
 _MANY: Final = 3  # Coordinates.
-_CHANCE: Final = 1.0  # Standard errors of a difference in validation that may be chance.
-_CLEAR: Final = 1.64  # Once in twenty; for what few machines have, or is asked last: ask often, and chance says yes.
 
 
 def line_up(
@@ -186,13 +185,13 @@ def _further(
     turns = has(ACTUATION) and not turns_are_known and fits(judged | DIRECTIONS | ACTUATION)
     bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
     of = "regression: " if regression else ""
-    further = functools.partial(LevenbergStage, data, config, steps=grow, frees=True, margin=_CLEAR)
+    further = functools.partial(LevenbergStage, data, config, steps=grow, frees=True, margin=CLEAR)
     instead = rubs and bends and data.validation is not None  # Without, it would be kept whatever it is.
     asked = (
         (has(INERTIA) and fits(judged | DIRECTIONS | INERTIA), further(of + "inertia", corrections=INERTIA)),
         (turns, further(of + "actuation", corrections=ACTUATION)),
         (bends, further(of + "potential", corrections=POTENTIAL)),
-        (rubs, further(of + "friction", corrections=FRICTION, margin=_CHANCE)),
+        (rubs, further(of + "friction", corrections=FRICTION, margin=CHANCE)),
         (instead, further(of + "friction instead", corrections=FRICTION, closes=POTENTIAL, margin=0.0)),
         (
             rubs and bends,
@@ -203,7 +202,7 @@ def _further(
     stages = [stage for sensible, stage in asked if sensible]
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
     if learns:
-        stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-_CHANCE, learns=True))
+        stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-CHANCE, learns=True))
     if not grow:
         return stages
     anew = turns and regression and not energies_are_given(dynamics)  # What is given cannot be bent.
@@ -213,12 +212,12 @@ def _further(
     # Else every part is given, and nothing is free before networks are.
     if stages or count_parameters(dynamics, corrections=judged):
         stages.extend(
-            whitened(each, name=f"longer windows {times}x", steps=again, margin=-_CLEAR, learns=learns)
+            whitened(each, name=f"longer windows {times}x", steps=again, margin=-CLEAR, learns=learns)
             for times, each in zip(LONGER, longer, strict=False)
         )
     longest = longer[-1] if longer else data
     if learns:
-        stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=_CLEAR))
+        stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=CLEAR))
     return stages
 
 
@@ -251,14 +250,14 @@ def _growth(
     steps = config.growth_steps
     apart = across_recordings(dataset, dynamics, data, config)
     if apart is None:
-        return [LevenbergStage(data, config, "growth", steps, kinds | networks, margin=_CLEAR, frees=True)]
+        return [LevenbergStage(data, config, "growth", steps, kinds | networks, margin=CLEAR, frees=True)]
     rivalled = _fits(dynamics, kinds)  # Else every part is given, and has learned nothing.
     stage = functools.partial(LevenbergStage, config=config, steps=steps)
     on_half = functools.partial(stage, apart, parted=True)
     rival = [on_half(name="refit on half", corrections=kinds, margin=0.0, rivals=True)] if rivalled else []
-    growth = on_half(name="growth", corrections=kinds | networks, margin=_CLEAR, frees=True, rivalled=rivalled)
+    growth = on_half(name="growth", corrections=kinds | networks, margin=CLEAR, frees=True, rivalled=rivalled)
     after += len(rival)
-    on_all = stage(data, name="growth on all", corrections=kinds, margin=-_CHANCE, joins=True, after=after)
+    on_all = stage(data, name="growth on all", corrections=kinds, margin=-CHANCE, joins=True, after=after)
     return [*rival, growth, on_all]
 
 
@@ -281,7 +280,7 @@ def _actuation_anew(dynamics: AbstractDynamics, data: Data, config: TrainingConf
         "regression: actuation anew",
         config.lm_steps + (config.relevance_steps if learns else 0),
         ACTUATION,
-        margin=_CLEAR,
+        margin=CLEAR,
         learns=learns,
         frees=True,
         fresh=dynamics,

@@ -17,6 +17,12 @@ from ._residuals import evaluate_loss, evaluate_residuals
 LOST: Final = 3.0
 """Validation loss over the best one that is lost: of 50 stages with four such steps in a row none was kept."""
 
+CHANCE: Final = 1.0
+"""Standard errors of a difference in validation that may be chance."""
+
+CLEAR: Final = 1.64
+"""Once in twenty: for what few machines have, or is asked last: ask often, and chance says yes."""
+
 _FAR = 0.1  # Share of a loss that chance does not take it to, where so many and so large a share of windows say so.
 _FEW, _MOSTLY = 3, 0.75
 _HARDLY_ANY: Final = 4  # Windows, whose number is then worth a word: their verdict is hardly one.
