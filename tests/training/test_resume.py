@@ -40,7 +40,7 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(
     pendulum, small, quick, tmp_path, in_strides, monkeypatch
 ):
     monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 0.0)  # No stage is needless,
-    monkeypatch.setattr(_line_up, "_CLEAR", -99.0)  # and what must gain clearly is kept, so that all others follow.
+    monkeypatch.setattr(_line_up, "CLEAR", -99.0)  # and what must gain clearly is kept, so that all others follow.
     dataset = pendulum(count=8)
     quick = dataclasses.replace(quick, lm_steps=1, growth_steps=2, relevance_steps=1)
     whole = fit(dataset, model=small, config=quick, folder=tmp_path / "whole")
