@@ -50,13 +50,12 @@ BAD = [
     (("mass_matrix =", "mass ="), r"\[known\] has no key `mass`.*The keys are `mass_matrix, potential_energy"),
     (("l**2", "k**2"), r"\[known\] `mass_matrix`: every name must be .* got `k`"),
     (("l**2", "l^2"), r"\[known\] `mass_matrix`: A formula may contain .* A power is written"),
-    (('[["m*l**2"]]', '[["m*l**2", "0"]]'), r"\[known\] `mass_matrix` must be 1 × 1; got 1 × 2\. Give one row per"),
-    (("[[0.1]]", "[[0.1], [0.1]]"), r"`dissipation_matrix` must be 1 × 1; got 2 × 1"),
     (
-        ("[known.constants]", 'input_matrix = [["a"], ["b"]]\n[known.constants]'),
-        "`input_matrix` must have 1 row; got 2 × 1",
+        ('[["m*l**2"]]\npotential_energy = "-m*g*l*cos(q1)"', "[[1, 0]]\npotential_energy = 0"),
+        r"\[known\] `mass_matrix` must be 1 × 1; got 1 × 2\. Give one row per coordinate\.$",  # m stands in none.
     ),
-    (('[["m*l**2"]]\npotential_energy = "-m*g*l*cos(q1)"', "[[1], [2]]"), "`mass_matrix` must be 1 × 1"),  # m: none.
+    (("[[0.1]]", '[["a"], [0]]'), r"`dissipation_matrix` must be 1 × 1; got 2 × 1"),
+    (("[[0.1]]", '[[0]]\ninput_matrix = [["a"], [0]]'), "`input_matrix` must have 1 row; got 2 × 1"),
     (('correct = ["potential_energy"]', 'correct = "all"'), "`correct` must be a list of names"),
     (('correct = ["potential_energy"]', 'correct = ["input_matrix"]'), "`correct` must name parts that are given"),
     (("[known.parameters]\nm = 2", "parameters = 2"), "got `m`: give its value"),

@@ -40,25 +40,25 @@ def read_known(path: Path, table: object, *, above: Mapping[str, object]) -> Kno
     if not isinstance(correct, list) or not all(isinstance(name, str) for name in correct):
         raise DataError(f"`{path}`: [known] `correct` must be a list of names of parts; got {correct!r}.")
     try:
-        _refuse_other_shapes(table, above)
         robot = {"robot": _read_robot(path, table["robot"])} if "robot" in table else {}
         return KnownParts(**{**table, **robot, "correct": tuple(correct)})
     except ValueError as error:
-        raise DataError(f"`{path}`: [known] {error}") from None
+        raise DataError(f"`{path}`: [known] {_of_shapes(table, above) or error}") from None
 
 
-def _refuse_other_shapes(table: Mapping[str, object], above: Mapping[str, object]) -> None:
-    """Refuse matrices of another size, of which a name that stands in no formula may be the consequence."""
+def _of_shapes(table: Mapping[str, object], above: Mapping[str, object]) -> str:
+    """What is wrong with the size of a matrix: that a name stands in no formula may be the consequence."""
     n, m = (len(given) if isinstance(given := above.get(key), list) else None for key in ("positions", "inputs"))
-    for name, shape in (("mass_matrix", (n, n)), ("dissipation_matrix", (n, n)), ("input_matrix", (n, m))):
+    for name, columns in (("mass_matrix", n), ("dissipation_matrix", n), ("input_matrix", m)):
         rows = table.get(name)
         if n is None or not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
             continue  # What is no list of rows is refused in other words.
         widths = {len(row) for row in rows}
-        if len(rows) != n or (len(widths) == 1 and shape[1] is not None and widths != {shape[1]}):
-            size = f"have {n} row{'s' * (n > 1)}" if shape[1] is None else f"be {n} × {shape[1]}"
+        if len(rows) != n or (len(widths) == 1 and columns is not None and widths != {columns}):
+            size = f"have {n} row{'s' * (n > 1)}" if columns is None else f"be {n} × {columns}"
             got = f"{len(rows)} × {' or '.join(map(str, sorted(widths)))}"
-            raise ValueError(f"`{name}` must {size}; got {got}. Give one row per coordinate.")
+            return f"`{name}` must {size}; got {got}. Give one row per coordinate."
+    return ""
 
 
 def _read_robot(path: Path, table: object) -> Robot:
