@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from scipy.signal import lfilter
 
 from .conftest import arm, found, scale, written
 
 
-def resting(seed=0, *, samples=4000, every=2.0, chatter=0.3):
+def resting(seed=0, *, samples=4000, every=2.0, chatter=0.3, filtered=0.0):
     """A log of two joints that go to another place every few seconds, in 0.3 s, and chatter at rest."""
     rng = np.random.default_rng(seed)
     t = 0.005 * np.arange(samples)
@@ -18,7 +19,9 @@ def resting(seed=0, *, samples=4000, every=2.0, chatter=0.3):
         by = rng.choice([-1, 1], len(starts)) * rng.uniform(0.15, 0.3, len(starts))
         s = np.clip((t[:, None] - starts - 0.1 * k) / 0.3, 0.0, 1.0)
         log[:, 1 + k] = (s**2 * (3 - 2 * s)) @ by + 1e-3 * rng.normal(size=samples)
-        log[:, 3 + k] = (6 * s * (1 - s) / 0.3) @ by + chatter * rng.normal(size=samples)
+        log[:, 3 + k] = (6 * s * (1 - s) / 0.3) @ by + chatter * np.sqrt(1 - filtered**2) * lfilter(
+            [1.0], [1.0, -filtered], rng.normal(size=samples)
+        )
     return log
 
 
@@ -42,3 +45,9 @@ def test_what_is_wrong_with_a_velocity_is_seen_where_a_machine_that_mostly_rests
 def test_nothing_is_wrong_with_a_machine_that_rests_and_chatters(tmp_path_factory, seed, every, chatter):
     log = resting(seed, every=every, chatter=chatter)
     assert found(written(tmp_path_factory.mktemp("rests"), log)) == []
+
+
+@pytest.mark.parametrize(("filtered", "chatter"), [(0.6, 0.2), (0.6, 0.5), (0.8, 0.1)])
+def test_a_filter_that_makes_chatter_slow_makes_no_motion_of_it(tmp_path, filtered, chatter):
+    logs = [resting(seed, every=4.0, chatter=chatter, filtered=filtered) for seed in range(3)]
+    assert found(written(tmp_path, *logs)) == []

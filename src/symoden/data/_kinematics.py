@@ -6,12 +6,13 @@ from typing import Final
 import numpy as np
 
 from ._shapes import Times
+from ._signals import deviation
 
 _BLOCK = 0.1  # [s] over which steps of an encoder average out, and a motion of 5 Hz does not
 _LEAST_STEPS, _LEAST_BLOCKS, _USUAL_BLOCKS = 4, 8, 12
-_VISIBLE = 3.0  # times its uncertainty that the displacement of a block must be, to be one that moves
-_ABOVE, _FEWEST = 5.0, 4  # times it that those that move must do so on average, and how many there must be
-_SURE = 25.0  # The same times the root of their number: then the factor is known to 5 %.
+_ABOVE = 5.0  # times its uncertainty that a displacement must be, to be compared
+_VISIBLE, _FEWEST = 3.0, 4  # The same of a block that moves, and how many such there must be.
+_SURE = 25.0  # times it, over the root of their number: then the factor is known to 5 %
 TURN: Final = 2 * np.pi
 AGREES: Final = 0.15  # relative deviation up to which a factor is 1
 _LATEST: Final = 0.1  # [s] that filters delay a velocity by.
@@ -101,7 +102,8 @@ def velocity_ratio(
     """Compare displacements with integrated velocities.
 
     Filters of velocities make them late, which beside a fast motion looks like a factor: where both disagree, it is
-    asked whether they agree some time apart.
+    asked whether they agree some time apart. They make noise slow, too, which beside long rests looks like a motion:
+    it is asked whether they agree where the position moves.
 
     Args:
         ts: Increasing time stamps [s].
@@ -114,6 +116,9 @@ def velocity_ratio(
         The factor and how well it fits.
     """
     at_once = _ratio(ts, q, v, longest=longest, accuracy=accuracy)
+    if at_once.known and not at_once.agrees:
+        moving = _ratio(ts, q, v, longest=longest, accuracy=accuracy, moving=True)
+        at_once = moving if moving.agrees else at_once
     if not at_once.factor > 0 or at_once.agrees:  # Of opposite motions, too, another delay makes the same.
         return at_once
     later = (_ratio(ts, q, v, longest=longest, accuracy=accuracy, late=late) for late in delays(ts)[1:])
@@ -141,12 +146,13 @@ def _ratio(
     longest: float,
     accuracy: tuple[Accuracy, Accuracy],
     late: float = 0.0,
+    moving: bool = False,
 ) -> Ratio:
-    """Compare displacements with velocities some time later.
+    """Compare displacements with velocities some time later, perhaps of the blocks that move alone.
 
     The factor is that of least absolute deviations, a weighted median, so that jumps of a wrapped angle do not change
-    it; blocks in which one of both does not change at all, at rest or stuck, do not count, nor do those in which
-    both are no more than their noise: many machines mostly rest, and chatter where they do.
+    it; blocks in which one of both does not change at all, at rest or stuck, do not count. Many machines mostly rest,
+    and chatter where they do: if there is too little motion on the whole, the blocks that move are asked alone.
 
     Returns:
         The factor and how well it fits.
@@ -162,18 +168,31 @@ def _ratio(
     step = float(np.median(np.diff(ts)))
     size = pairs[0, 1] - pairs[0, 0]
     uncertain = accuracy[0].size, accuracy[1].size * step * np.sqrt(size)
-    moving = (np.abs(dq) > _VISIBLE * uncertain[0]) | (np.abs(integral) > _VISIBLE * uncertain[1])
-    dq, integral = dq[moving], integral[moving]
-    if len(dq) < _FEWEST or any(
-        np.abs(way).mean() <= max(_ABOVE, _SURE / np.sqrt(len(way))) * each
-        for way, each in zip((dq, integral), uncertain, strict=True)
-    ):
-        return unknown
+    if moving or not _is_above(dq, integral, uncertain):
+        dq, integral, uncertain = _moving(dq, integral, uncertain)
+        if len(dq) < _FEWEST or not _is_above(dq, integral, uncertain, times=max(_ABOVE, _SURE / np.sqrt(len(dq)))):
+            return unknown
     weights = np.abs(integral)
     goes = weights > 0
     factor = _weighted_median(dq[goes] / integral[goes], weights[goes])
     unexplained, typical = (_weighted_median(x, weights) for x in (np.abs(dq - factor * integral), np.abs(dq)))
     return Ratio(factor=factor, misfit=unexplained / typical if typical else np.inf)
+
+
+def _moving(
+    dq: np.ndarray, integral: np.ndarray, uncertain: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float]]:
+    """Blocks in which something moves, and how uncertain displacements are; velocities at rest show what theirs are."""
+    rests = np.abs(dq) <= _VISIBLE * uncertain[0]
+    if np.count_nonzero(rests) >= _LEAST_BLOCKS:
+        uncertain = uncertain[0], max(uncertain[1], float(deviation(integral[rests])))
+    moving = ~rests | (np.abs(integral) > _VISIBLE * uncertain[1])
+    return dq[moving], integral[moving], uncertain
+
+
+def _is_above(dq: np.ndarray, integral: np.ndarray, uncertain: tuple[float, float], *, times: float = _ABOVE) -> bool:
+    """Whether both displacements are on average so many times their uncertainty."""
+    return all(np.abs(way).mean() > times * each for way, each in zip((dq, integral), uncertain, strict=True))
 
 
 def _changes(signal: np.ndarray, pairs: np.ndarray) -> np.ndarray:
