@@ -13,8 +13,9 @@ from symoden.data import Dataset, Trajectory, halves
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _levenberg_stage, fit
+from symoden.training._beginnings import Refitted
 from symoden.training._config import TrainingConfig
-from symoden.training._data import Data, across_recordings, hold_out, levenberg_data
+from symoden.training._data import across_recordings, hold_out, levenberg_data
 from symoden.training._fit import _prepare
 from symoden.training._flatten import cast
 from symoden.training._gauss_newton import NormalEquations
@@ -77,7 +78,7 @@ def test_what_networks_learned_is_fitted_to_all_recordings_then(count):
         assert not any(each.parted for each in stages)
         return
     assert names[-3:] == ["refit on half", "growth", "growth on all"]
-    roles = [(each.parted, each.rivals, each.rivalled, each.joins) for each in stages[-3:]]
+    roles = [(each.parted, each.rivals, isinstance(each.begins, Refitted), each.joins) for each in stages[-3:]]
     assert roles == [(True, True, False, False), (True, False, True, False), (False, False, False, True)]
     assert stages[-3].data is stages[-2].data
     assert len(stages[-2].data.train.ts) == len(parted.train.ts)
@@ -116,7 +117,12 @@ def test_networks_must_improve_on_what_the_rest_becomes_by_the_same_recordings(r
     after, _ = growth.advance(begun)
     assert after.step == 1
     compared = []
-    monkeypatch.setattr(Data, "gain", lambda _, model, __, other, ___: (compared.extend((model, other)), (-9.0, ""))[1])
+
+    def lost(_, model, __, other, ___):
+        compared.extend((model, other))
+        return -9.0, ""
+
+    monkeypatch.setattr(_levenberg_stage, "gain", lost)
     undone, verdict = growth._concluded(after._replace(best=after.model))
     assert eqx.tree_equal(tuple(compared), (after.model, state.model))
     assert verdict.startswith("not kept")

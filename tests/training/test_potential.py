@@ -12,6 +12,7 @@ from symoden.blocks import FRICTION, POTENTIAL, Polynomial
 from symoden.models import BlockConfig, ModelConfig, awaken, build
 from symoden.spaces import Space
 from symoden.training import _data, fit
+from symoden.training._beginnings import Without
 from symoden.training._flatten import freed
 
 CONSTANT = BlockConfig(constant=True)
@@ -119,7 +120,7 @@ def test_dry_friction_takes_the_place_of_a_network_of_lengths(awake, driven, sec
     base, state = stage
     windows = _data.levenberg_data(dataset, model, second_order)
     stage = replace(base, data=windows, config=second_order, name="friction instead", steps=20, frees=True)
-    stage = replace(stage, corrections=FRICTION, closes=POTENTIAL, margin=0.0)
+    stage = replace(stage, corrections=FRICTION, begins=Without(POTENTIAL), margin=0.0)
     state = state._replace(model=model, best=model, incumbent=state.incumbent._replace(model=model, rival=model))
     assert stage.applies(state) == awake
     if awake:

@@ -15,6 +15,7 @@ from symoden.models import KINDS, BlockConfig, build
 from symoden.spaces import Space
 from symoden.training import TrainingConfig, _ensemble, fit
 from symoden.training._adam_stage import AdamStage
+from symoden.training._beginnings import Best, Untrained
 from symoden.training._data import adam_data, hold_out, levenberg_data, regression_data
 from symoden.training._flatten import cast, freed
 from symoden.training._levenberg_stage import LevenbergStage
@@ -85,7 +86,9 @@ def test_a_second_way_into_a_basin_is_kept_where_rollouts_are_better(better, sea
     astray = diverging(model)
     best, fresh = (astray, model) if better else (model, astray)
     rollouts = adam_data(dataset, model, config)
-    stage = LevenbergStage(regression(dataset, model, config), config, "regression", 1, fresh=fresh, rollouts=rollouts)
+    stage = LevenbergStage(
+        regression(dataset, model, config), config, "regression", 1, begins=Untrained(fresh), rollouts=rollouts
+    )
     start = begun_with(best, model)._replace(stage=3, origin=1)
     assert stage.applies(start)
     state, report = stage.advance(stage.start(start))
@@ -103,14 +106,15 @@ def test_inputs_that_turn_are_asked_for_once_more_from_the_untrained_model_on(se
     assert names[:asked] == ["regression", "actuation", "friction", "directions", "relevance"]
     assert names[asked + 1] == "refit"
     stage = stages[asked]
-    assert stage.fresh is model
+    assert isinstance(stage.begins, Untrained)
+    assert stage.begins.fresh is model
     assert (stage.corrections, stage.learns, stage.plain) == (ACTUATION, True, config.lm_steps)
     assert stage.steps == config.lm_steps + config.relevance_steps
     state = begun_with(model, model)
     assert stage.applies(state)
     assert not stage.applies(state._replace(best_loss=1e-7))
     assert not stage.applies(state._replace(best=scrambled(model, 0, 0.1)))
-    assert [each.fresh for each in stages if each is not stage] == [None] * (len(stages) - 1)
+    assert not any(isinstance(each.begins, Untrained) for each in stages if each is not stage)
     unvalidated = dataclasses.replace(dataset, validation=())
     assert "regression: actuation anew" not in [stage.name for stage in line_up(unvalidated, model, (), config)]
 
@@ -120,7 +124,9 @@ def test_it_begins_anew_without_laws_of_friction_and_learns_priors_after_plain_s
     model = build(turning, Space.parse("T3"), 3, key=jax.random.key(0))
     rubbed = scrambled(eqx.filter(model, trainable(model, corrections=FRICTION)), 0, 0.1)
     before, data = eqx.combine(rubbed, model), regression(dataset, model, config)
-    stage = LevenbergStage(data, config, "stage", 4, ACTUATION, margin=-1e9, learns=True, plain=2, fresh=model)
+    stage = LevenbergStage(
+        data, config, "stage", 4, ACTUATION, margin=-1e9, learns=True, plain=2, begins=Untrained(model)
+    )
     state, variances = stage.start(begun_with(before, model)), []
     assert eqx.tree_equal(state.best, cast(model, float))
     report = None
@@ -202,13 +208,14 @@ def test_rollouts_begin_with_a_guess_that_is_better(searching):
     data = levenberg_data(dataset, model, config)
     astray = diverging(model)
     for best, guess in ((astray, model), (model, astray)):
-        state = LevenbergStage(data, config, "stage", 1, guess=guess).start(begun_with(best, model))
+        state = LevenbergStage(data, config, "stage", 1, begins=Best(guess)).start(begun_with(best, model))
         assert eqx.tree_equal(state.best, cast(model, float))
     assert LevenbergStage(data, config, "stage", 1).start(begun_with(astray, model)).best_loss == np.inf
     for candidates, guess in (((), model), ((model,), None)):
         first = next(s for s in line_up(dataset, model, candidates, config) if s.name == "levenberg-marquardt")
         assert isinstance(first, LevenbergStage)
-        assert first.guess is guess
+        assert isinstance(first.begins, Best)
+        assert first.begins.guess is guess
 
 
 def test_a_model_that_diverges_gives_way(searching):

@@ -16,6 +16,7 @@ from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _data, _levenberg_stage, _verdicts
 from symoden.training._adam_stage import DIVERGED, AdamStage
+from symoden.training._beginnings import Without
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import Linearization, NormalEquations
 from symoden.training._levenberg_marquardt import LevenbergStep
@@ -110,12 +111,14 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     )
     assert stages[0].margin is None
     assert [each.name for each in stages if each.unless] == ["potential and friction"]
-    assert not any(each.closes for each in stages)  # Without validation it would be kept whatever it is.
+    assert not any(
+        isinstance(each.begins, Without) for each in stages
+    )  # Without validation it would be kept whatever it is.
     held_out = _data.hold_out(pendulum(samples=400), dataclasses.replace(config, validation=0.25))
     judged = line_up(held_out, model, [model], config)
-    closing = [each for each in judged if isinstance(each, LevenbergStage) and each.closes]
-    assert [(each.name, each.corrections, each.closes) for each in closing] == [
-        ("friction instead", FRICTION, POTENTIAL)
+    closing = [each for each in judged if isinstance(each, LevenbergStage) and isinstance(each.begins, Without)]
+    assert [(each.name, each.corrections, each.begins) for each in closing] == [
+        ("friction instead", FRICTION, Without(POTENTIAL))
     ]
     assert closing[0].margin == 0.0
     for before, after in itertools.pairwise(stages):

@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import DIRECTIONS, FRICTION, count_parameters, silenced
+from symoden.blocks import FRICTION, count_parameters
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
+from ._beginnings import AbstractBeginning, Best, Refitted, Untrained, Without
 from ._config import TrainingConfig
 from ._data import Data
 from ._flatten import Flattening, cast, drawn, freed
@@ -59,17 +60,14 @@ class LevenbergStage(AbstractStage):
         frees: It sets something free: nothing is done where that is free already, and steps go on as long as they fit
             the data clearly better, unless validation says that all is lost.
         unless: Kinds of corrections, as flags; where one of them is free the stage has nothing to do.
-        closes: Kinds, as flags, that begin at zero again, if one is free; the training windows must be fitted better.
-        guess: A model to begin with where its rollouts are better than those of the best one so far.
-        fresh: An untrained model to begin with in any case. What stages before have set free and kept is free, but for
-            friction's laws: from wide priors on these take up what is not yet explained.
+        begins: What it begins with. Without corrections that were free, it must fit the training windows better, too;
+            with what the stage before refitted, it is left out unless that predicts what judges it.
         plain: The largest number of steps before priors are learned.
         rollouts: Windows on which the best model has found no basin, as far as a scaled loss tells: else the stage has
             nothing to do. What comes of it is kept if rollouts there are better.
         after: Only where the best model comes from this stage or a later one, by their indices.
         parted: It fits some recordings and is judged by others.
         rivals: What it makes is not kept, but what the next one must improve on: the best model knows what judges it.
-        rivalled: It begins with what the stage before refitted, if that predicts what judges it; else it is left out.
         joins: It goes on with what the stage before has made; both are kept or neither.
     """
 
@@ -84,15 +82,12 @@ class LevenbergStage(AbstractStage):
     widens: bool = False
     frees: bool = False
     unless: int = 0
-    closes: int = 0
-    guess: AbstractDynamics | None = None
-    fresh: AbstractDynamics | None = None
+    begins: AbstractBeginning = Best()  # noqa: RUF009 - it is frozen
     plain: int = 0
     rollouts: Data | None = None
     after: int = 0
     parted: bool = False
     rivals: bool = False
-    rivalled: bool = False
     joins: bool = False
 
     def applies(self, state: TrainingState) -> bool:
@@ -100,32 +95,33 @@ class LevenbergStage(AbstractStage):
         free = self._free(state.best, state.best)
         if state.origin < self.after or not count_parameters(state.best, corrections=free):
             return False
-        if self.unless & freed(state.best) or (self.closes and not self.closes & freed(state.best)):
+        if self.unless & freed(state.best) or not self.begins.applies(state):
             return False
-        if self.margin is not None and self.fresh is None and not math.isfinite(state.best_loss):
+        untrained = isinstance(self.begins, Untrained)
+        if self.margin is not None and not untrained and not math.isfinite(state.best_loss):
             return False  # There is nothing to improve on, nor to judge by.
         if self.rollouts is not None:
             return state.best_loss >= FOUND
-        return self.fresh is None or not self._needless(state)
+        return not (untrained and self._needless(state))
 
     def anew(self, fresh: AbstractDynamics) -> "LevenbergStage":
         """The same where it begins with the best model; else from another draw of weights."""
-        return self if self.fresh is None else replace(self, fresh=fresh)
+        return replace(self, begins=self.begins.anew(fresh))
 
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
-        best = cast(self._first(state), dtype)
+        best = cast(self.begins.model(state, lambda model: self._loss(model, state.substeps)), dtype)
         weighing = self._plain(best)
         loss = state.best_loss
-        if self.rivalled or (self.margin is not None and self._is_below(EXPLAINED, loss)):  # In these windows, too?
+        if self._rivalled or (self.margin is not None and self._is_below(EXPLAINED, loss)):  # In these windows, too?
             loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
         if not self._needless(state._replace(best_loss=loss)):
             weighing, loss = self._weighed(best, state)
         fresh = Relevance.start(best, self.config.prior)
         priors = fresh if self.widens else remembered(state.memory, fresh)
         if self.learns:  # Beside the residuals of these windows.
-            kept = freed(best) if self.fresh is None else self._free(best, state.best)
+            kept = self._free(best, state.best) if isinstance(self.begins, Untrained) else freed(best)
             priors = priors.forgotten().narrowed(best, kept, self.corrections)
         held = state.best, state.memory, state.origin, state.weighing
         model, memory, origin, weighed = state.incumbent[:4] if self.joins else held
@@ -135,7 +131,7 @@ class LevenbergStage(AbstractStage):
             model=best,
             weighing=weighing,
             best=best,
-            incumbent=Incumbent(before, memory, origin, weighed, rival=best if self.rivalled else before),
+            incumbent=Incumbent(before, memory, origin, weighed, rival=best if self._rivalled else before),
             best_loss=loss,
             origin=state.stage,
             memory=priors,
@@ -190,7 +186,7 @@ class LevenbergStage(AbstractStage):
 
     def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
         """With what came of it so far, the priors as they are by now, if that is to be kept."""
-        if not state.step or self.rivalled:  # What some recordings alone have made, or nothing has.
+        if not state.step or self._rivalled:  # What some recordings alone have made, or nothing has.
             return self._undone(state), ""
         if not self.learns:
             return self._concluded(state)
@@ -286,18 +282,7 @@ class LevenbergStage(AbstractStage):
 
     def _free(self, model: AbstractDynamics, before: AbstractDynamics) -> int:
         """Which kinds of corrections that are, as flags."""
-        kept = freed(model) if self.fresh is None else freed(model) | freed(before) & ~(FRICTION | DIRECTIONS)
-        return self.corrections | kept
-
-    def _first(self, state: TrainingState) -> AbstractDynamics:
-        """What to begin with: the best model so far, or the guess if its rollouts are better."""
-        if self.rivalled:
-            return state.incumbent.rival
-        if self.fresh is not None:
-            return self.fresh
-        if self.guess is None or self._loss(state.best, state.substeps) <= self._loss(self.guess, state.substeps):
-            return silenced(state.best, self.closes)
-        return self.guess
+        return self.corrections | self.begins.free(model, before)
 
     def _loss(self, model: AbstractDynamics, substeps: int) -> float:
         """Loss by which models are chosen, all errors counting alike."""
@@ -312,9 +297,9 @@ class LevenbergStage(AbstractStage):
         """Why the stage has nothing to do, if so."""
         if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
             return "nothing left to explain"
-        if self.frees and not self.closes and not self.corrections & ~freed(state.best):
+        if self.frees and not isinstance(self.begins, Without) and not self.corrections & ~freed(state.best):
             return "free already"
-        if self.rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
+        if self._rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
             return "the recordings tell too little of each other"
         return ""
 
@@ -342,7 +327,8 @@ class LevenbergStage(AbstractStage):
         objective = self.objective(state.substeps, state.weighing)
         gained, why = gain(self.data, state.best, state.best_loss, before, objective)
         why += "" if math.isinf(gained) else f", more than {self.margin:+.3g} wanted"
-        fits, said = fits_better(self.data, state.best, before, objective) if self.closes else (True, "")
+        leaner = isinstance(self.begins, Without)
+        fits, said = fits_better(self.data, state.best, before, objective) if leaner else (True, "")
         if gained > self.margin and fits:
             freed_too = self.learns and FRICTION & freed(state.best) & ~freed(state.incumbent.model)
             also = "; frees friction's laws too, under learned priors" if freed_too else ""
@@ -363,6 +349,11 @@ class LevenbergStage(AbstractStage):
         if state.stale >= self.config.patience:
             return True, "converged"
         return (True, "all steps taken") if state.step >= self.steps else (False, "")
+
+    @property
+    def _rivalled(self) -> bool:
+        """Whether it must improve on what the stage before has made of the same recordings."""
+        return isinstance(self.begins, Refitted)
 
     @property
     def regresses(self) -> bool:

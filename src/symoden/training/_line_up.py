@@ -14,6 +14,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel, energies_are_given
 
 from ._adam_stage import AdamStage
+from ._beginnings import Best, Refitted, Untrained, Without
 from ._config import TrainingConfig
 from ._data import (
     LONGER,
@@ -82,7 +83,9 @@ def line_up(
         if free:
             guess = dynamics if weak is not None and not candidates else None
             stages.append(
-                LevenbergStage(data, config, "levenberg-marquardt", config.lm_steps, guess=guess, widens=not first)
+                LevenbergStage(
+                    data, config, "levenberg-marquardt", config.lm_steps, begins=Best(guess), widens=not first
+                )
             )
         longer = longer_data(dataset, dynamics, data, config)
         answered = first and energies_are_given(dynamics)
@@ -121,8 +124,8 @@ def _regression(
     Returns:
         The stages.
     """
-    fresh = None if rollouts is None else dynamics
-    first = LevenbergStage(data, config, "regression", config.lm_steps, fresh=fresh, rollouts=rollouts)
+    begins = Best() if rollouts is None else Untrained(dynamics)
+    first = LevenbergStage(data, config, "regression", config.lm_steps, begins=begins, rollouts=rollouts)
     further = _further(dynamics, data, (), config, regression=True)
     return [first, *(dataclasses.replace(stage, after=after) for stage in further)]
 
@@ -192,7 +195,7 @@ def _further(
         (turns, further(of + "actuation", corrections=ACTUATION)),
         (bends, further(of + "potential", corrections=POTENTIAL)),
         (rubs, further(of + "friction", corrections=FRICTION, margin=CHANCE)),
-        (instead, further(of + "friction instead", corrections=FRICTION, closes=POTENTIAL, margin=0.0)),
+        (instead, further(of + "friction instead", corrections=FRICTION, begins=Without(POTENTIAL), margin=0.0)),
         (
             rubs and bends,
             further(of + "potential and friction", corrections=POTENTIAL | FRICTION, unless=POTENTIAL),
@@ -255,7 +258,9 @@ def _growth(
     stage = functools.partial(LevenbergStage, config=config, steps=steps)
     on_half = functools.partial(stage, apart, parted=True)
     rival = [on_half(name="refit on half", corrections=kinds, margin=0.0, rivals=True)] if rivalled else []
-    growth = on_half(name="growth", corrections=kinds | networks, margin=CLEAR, frees=True, rivalled=rivalled)
+    growth = on_half(
+        name="growth", corrections=kinds | networks, margin=CLEAR, frees=True, begins=Refitted() if rivalled else Best()
+    )
     after += len(rival)
     on_all = stage(data, name="growth on all", corrections=kinds, margin=-CHANCE, joins=True, after=after)
     return [*rival, growth, on_all]
@@ -283,6 +288,6 @@ def _actuation_anew(dynamics: AbstractDynamics, data: Data, config: TrainingConf
         margin=CLEAR,
         learns=learns,
         frees=True,
-        fresh=dynamics,
+        begins=Untrained(dynamics),
         plain=config.lm_steps,
     )
