@@ -32,6 +32,27 @@ def test_it_has_every_monomial_up_to_its_degree_once(size, degree, seed):
     assert found[0] == 1
 
 
+@given(seed=st.integers(0, 2**32 - 1), degree=st.integers(1, 4))
+@settings(max_examples=20, deadline=None)
+def test_what_falls_without_end_is_no_steeper_far_beyond_the_data(seed, degree):
+    generator = np.random.default_rng(seed)
+    reach, weights = generator.uniform(0.5, 3.0, 2), generator.normal(size=(monomials(2, degree), 1))
+    bounded = Polynomial.init(1, degree=degree, center=np.zeros(2), scale=np.ones(2), reach=reach)
+    bounded, free = (
+        eqx.tree_at(lambda p: p.weights, each, jnp.asarray(weights))
+        for each in (bounded, Polynomial.init(1, degree=degree, center=np.zeros(2), scale=np.ones(2)))
+    )
+    value, slope = (jax.jit(jax.vmap(of)) for of in (bounded, jax.jacobian(bounded)))
+    inside = jnp.asarray(generator.uniform(-reach, reach, (50, 2)))
+    assert np.asarray(value(inside)) == pytest.approx(np.asarray(jax.vmap(free)(inside)))
+    edge = np.array([reach, [reach[0], 0.1], [-reach[0], -reach[1]]])
+    near = [np.asarray(slope(jnp.asarray(edge * share))) for share in (1 - 1e-9, 1 + 1e-9)]
+    assert near[0] == pytest.approx(near[1], rel=1e-6, abs=1e-6)  # Forces have no jump.
+    far = [np.abs(np.asarray(slope(jnp.asarray(edge * times)))).max() for times in (1e2, 1e4, 1e6)]
+    bound = np.abs(weights).sum() * degree * (reach.max() + np.log1p(1e6)) ** (degree - 1)
+    assert max(far) < bound
+
+
 def test_it_is_zero_at_the_start_and_has_a_slope_where_lengths_are_zero():
     start = Polynomial.init(1, degree=4, center=np.zeros(2), scale=np.ones(2))
     assert np.asarray(start(jnp.array([3.0, -5.0]))) == 0

@@ -71,7 +71,10 @@ def test_the_unit_of_lengths_beside_angles_is_no_matter(unit):
     q = np.stack([unit * np.sin(ts), 0.05 * np.sin(4 * ts)], 1)
     v = np.stack([unit * np.cos(ts), 0.2 * np.cos(4 * ts)], 1)
     cart = Trajectory(name="cart", ts=ts, q=q, rates=v, us=np.zeros((len(ts), 0)))
-    velocity = measure_scales([cart], space, momenta=False).velocity
+    scales = measure_scales([cart], space, momenta=False)
+    velocity = scales.velocity
+    farthest = np.abs(q[:, 0] - q[:, 0].mean()).max() / q[:, 0].std()
+    assert scales.reach == pytest.approx([farthest, 1, 1])
     assert velocity == pytest.approx([unit / np.sqrt(2), 0.2 / np.sqrt(2)], rel=0.05)
     assert time_scale([cart], space) == pytest.approx((1 + 1 / 4) / 2, rel=0.05)  # The median of both.
     batch, built = Batch.of(windows([cart], 100, stride=10)), build(ModelConfig(), space, 0, key=jax.random.key(0))

@@ -21,21 +21,32 @@ class Polynomial(AbstractFunction):
     The energy of linear springs between anything that slides has degree 2, that of springs that harden on both sides
     alike degree 4.
 
+    Far from the data a polynomial falls as it may, ever steeper, and what slides down there is gone in no time. Beyond
+    `reach` it therefore is one of the logarithm of the distance, with a continuous slope: forces stay bounded.
+
     Attributes:
         weights: Coefficient of every monomial in every output, by their degree; the constant first.
         center: Subtracted from the coordinates.
         scale: Divides them then.
         degree: Highest total degree.
+        reach: How far it is a polynomial on either side of the center, in units of the scale; None for everywhere.
     """
 
     weights: Float[Array, "f k"]
     center: Known
     scale: Known
     degree: int = eqx.field(static=True)
+    reach: Known | None = None
 
     @classmethod
     def init(
-        cls, outputs: int, *, degree: int, center: Float[np.ndarray, " n"], scale: Float[np.ndarray, " n"]
+        cls,
+        outputs: int,
+        *,
+        degree: int,
+        center: Float[np.ndarray, " n"],
+        scale: Float[np.ndarray, " n"],
+        reach: Float[np.ndarray, " n"] | None = None,
     ) -> "Polynomial":
         """Make the polynomial that is zero: any other may fall without end, and a first rollout with it.
 
@@ -44,6 +55,7 @@ class Polynomial(AbstractFunction):
             degree: Highest total degree.
             center: Subtracted from the n coordinates.
             scale: Divides them then.
+            reach: How far it is a polynomial, in units of the scale; None for everywhere.
 
         Returns:
             The function.
@@ -57,13 +69,19 @@ class Polynomial(AbstractFunction):
             center=Known.of(center),
             scale=Known.of(scale),
             degree=degree,
+            reach=None if reach is None else Known.of(reach),
         )
 
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""
         # By total degree, of the last coordinates: no gathers, which are slow to differentiate.
         found = [jnp.ones(1, q.dtype)] + [jnp.zeros(0, q.dtype)] * self.degree
-        for x in ((q - self.center.value) / self.scale.value)[::-1]:
+        xs = (q - self.center.value) / self.scale.value
+        if self.reach is not None:
+            distance, reach = jnp.abs(xs), self.reach.value
+            beyond = jnp.log1p(jnp.maximum(distance - reach, 0.0))
+            xs = jnp.where(distance > reach, jnp.sign(xs) * (reach + beyond), xs)
+        for x in xs[::-1]:
             powers = [x**power for power in range(self.degree + 1)]
             found = [
                 jnp.concatenate([powers[degree - rest] * found[rest] for rest in range(degree + 1)])

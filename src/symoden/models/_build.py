@@ -56,6 +56,7 @@ from ._unstructured import UnstructuredModel
 _BODIES = 3  # Rows of the Jacobian for each coordinate; with two, one start in four ended in a poor minimum.
 _SPREAD = 0.3  # Of the harmonics' first weights; with 0.1, one start in four did.
 _DEGREES = (4, 3, 2)  # Of the polynomial in lengths that V starts from: the first that leaves few enough weights.
+_BEYOND = 2.0  # Times the range of the data, up to where V is a polynomial: springs that harden are told there, too.
 _ORDER = 24  # Of the harmonics of single angles in V: twelve detents a turn, and what is half as wide.
 _MOST_WEIGHTS = 2000  # Of what a block starts from: a step of Levenberg-Marquardt costs the square of their number.
 
@@ -346,10 +347,11 @@ class _Maker:
         return Network(self.space, perceptron)
 
     def _polynomial(self, size: int) -> Polynomial:
-        """Monomials of lengths, of a degree that leaves few weights."""
+        """Monomials of lengths, of a degree that leaves few weights, as far as twice the data's range."""
         counts = {degree: size * monomials(self.space.size, degree) for degree in _DEGREES}
         degree = next((degree for degree, count in counts.items() if count <= _MOST_WEIGHTS), _DEGREES[-1])
-        return Polynomial.init(size, degree=degree, **self._standard())
+        reach = None if self.scales.reach is None else _BEYOND * self.scales.reach
+        return Polynomial.init(size, degree=degree, **self._standard(), reach=reach)
 
     def _also_sliding(self, function: AbstractFunction, size: int, *, key: PRNGKeyArray) -> Sum:
         """Products with lengths are another correction: along most lengths the inertia stays as it is."""

@@ -21,6 +21,7 @@ class Scales:
         time: Typical velocity over typical acceleration [s].
         parameters: Of each named parameter that starts at 0, the value that changes forces by typical ones; 1 for those
             that are not named here.
+        reach: How far each embedded coordinate goes from its center, in its spread; None where that is not known.
     """
 
     center: np.ndarray
@@ -30,6 +31,7 @@ class Scales:
     input: np.ndarray
     time: float
     parameters: Mapping[str, float] = field(default_factory=dict)
+    reach: np.ndarray | None = None
 
     @classmethod
     def units(cls, space: Space, inputs: int) -> "Scales":

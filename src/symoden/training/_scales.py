@@ -53,9 +53,12 @@ def measure_scales(
     if momentum is None and force is not None:
         power = float(np.sum(velocity * force))
         momentum = power * time / (np.count_nonzero(force) * velocity)
+    center, spread = lengths.mean(axis=0), _or_one(lengths.std(axis=0))
+    farthest = np.abs(lengths - center).max(axis=0, initial=0.0) / spread
     scales = Scales(
-        center=np.concatenate([lengths.mean(axis=0), circles]),
-        spread=np.concatenate([_or_one(lengths.std(axis=0)), circles + 1]),
+        center=np.concatenate([center, circles]),
+        spread=np.concatenate([spread, circles + 1]),
+        reach=np.concatenate([np.maximum(farthest, 1.0), circles + 1]),
         velocity=velocity,
         momentum=1 / velocity if momentum is None else momentum,
         input=inputs,
