@@ -110,3 +110,10 @@ def test_a_step_far_shorter_than_the_samples_is_a_wrong_unit_of_time():
 def test_a_step_that_is_not_positive_is_refused():
     with pytest.raises(ValueError, match="`dt` must be positive"):
         resample(recording(np.linspace(0, 1, 11), np.zeros(11)), 0.0)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.001])
+@pytest.mark.parametrize("start", [0.0, 1.7e9, 1.7e9 + 0.1234567])
+def test_stamps_since_1970_have_as_many_samples(start, step):
+    ts = start + np.round(step * np.arange(997), 6)
+    assert len(resample(recording(ts, np.zeros(997) + ts - start), 4 * step)) == 250

@@ -11,6 +11,7 @@ from ._signals import whole_steps
 from ._trajectory import Trajectory
 from ._velocities import MOST_SAMPLES, averaged_noise_gain
 
+_ROUNDED = 1e-3  # Of a step: stamps that count from 1970 are rounded to 2.4e-7 s.
 _FINEST = 50  # Samples between two of the recording: more tell nothing, and time stamps are in another unit.
 
 
@@ -38,7 +39,7 @@ def resample(trajectory: Trajectory, dt: float, *, hold: Literal["zero", "linear
     if not dt > 0:
         raise ValueError(f"`dt` must be positive; got {dt}.")
     ts, elapsed = trajectory.ts, trajectory.ts - trajectory.ts[0]
-    (steps,) = whole_steps(elapsed[-1:], dt)
+    (steps,) = whole_steps(elapsed[-1:], dt, rounded=_ROUNDED)
     if not 1 <= steps < MOST_SAMPLES:
         raise DataError(
             f"`{trajectory.name}`: `resample` must give 2 to {MOST_SAMPLES} samples; got a step of {dt} s for a "

@@ -15,7 +15,6 @@ _FEWEST_OTHERS = 3  # changes beside these, pauses included
 _LEAST_AT_EXTREME, _FEWEST_AT_EXTREME, _EDGE = 0.01, 3, 0.05
 _EQUAL: Final = 1e-9  # of the signal's range: changes that are no more are errors of floats
 _USUAL: Final = 0.95  # share of the steps that are at most a usual one
-_ROUNDED: Final = 1e-3  # of a step: what time stamps may lack to a whole one
 _FAR_LONGER: Final = 5  # usual steps: real loggers hiccup by 3 to 4 of them, which interpolation bridges
 
 
@@ -46,19 +45,18 @@ def usual_step(steps: Times) -> float:
     return float(np.quantile(steps, _USUAL, method="lower"))
 
 
-def whole_steps(elapsed: np.ndarray, step: float) -> np.ndarray:
+def whole_steps(elapsed: np.ndarray, step: float, *, rounded: float = 1e-9) -> np.ndarray:
     """How many whole steps fit into a time, one that rounding makes too short included.
-
-    Stamps that count from 1970 are rounded to 2.4e-7 s, a part in four thousand of a step of 1 ms.
 
     Args:
         elapsed: Times [s].
         step: The step [s].
+        rounded: What times may lack to a whole step, as a share of it.
 
     Returns:
         The numbers.
     """
-    return np.floor(elapsed / step + _ROUNDED)
+    return np.floor(elapsed / step * (1 + 1e-12) + rounded)
 
 
 def least_change(signal: np.ndarray) -> float:
