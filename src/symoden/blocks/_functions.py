@@ -123,6 +123,11 @@ class Perceptron(eqx.Module):
             activation=activation,
         )
 
+    def silenced(self) -> "Perceptron":
+        """The same network with an output of zero."""
+        last = lambda network: (network.weights[-1], network.biases[-1])
+        return eqx.tree_at(last, self, replace_fn=jnp.zeros_like)
+
     def __call__(self, z: Float[Array, " i"]) -> Float[Array, " o"]:
         """Output of the last layer for one input vector."""
         activate = ACTIVATIONS[self.activation]

@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 from symoden.shapes import Coordinates
 
 from ._fourier import FourierSeries
-from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Sum
+from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Perceptron, Sum
 from ._harmonics import Harmonics
 from ._known import Known
 
@@ -94,8 +94,7 @@ def silenced(model: PyTree, kinds: int) -> PyTree:
         if not isinstance(node, Correction) or not node.kind & kinds:
             return node
         if isinstance(node.function, Network):
-            where = lambda each: (each.function.perceptron.weights[-1], each.function.perceptron.biases[-1])
-            return eqx.tree_at(where, node, replace_fn=jnp.zeros_like)
+            return eqx.tree_at(lambda each: each.function.perceptron, node, replace_fn=Perceptron.silenced)
         learned, given = eqx.partition(node, trainable(node))
         return eqx.combine(jax.tree.map(jnp.zeros_like, learned), given)
 

@@ -20,9 +20,7 @@ _TURNS = 5  # in both directions without a wrap, beyond which an angle is perhap
 _REVERSES = 1.5
 _DEGREES = 180 / np.pi
 _CLOCKS: Final = (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns")  # What makes of seconds so much of ∫v dt.
-_TURNED: Final = frozenset(
-    {"rev", "rev/s"}
-)  # Units that all columns of a log have more seldom than it has a wrong `dt`.
+_TURNED: Final = frozenset({"rev", "rev/s"})  # All columns of a log have these more seldom than it has a wrong `dt`.
 _SLOW = 0.5  # [s] between samples, which hardly a logger takes; of a single joint the units may be wrong as well.
 
 # Factor of the position's displacement over the integrated velocity: what explains it, and units for both columns.

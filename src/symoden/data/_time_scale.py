@@ -8,13 +8,12 @@ from jaxtyping import Bool, Float
 
 from ._trajectory import Trajectory
 
-IDLE: Final = 1e-3
-"""Share of what the liveliest length, or angle, has, below which another one rests."""
+_IDLE: Final = 1e-3  # Share of what the liveliest length, or angle, has, below which another one rests.
 _MOST_FILLED: Final = 10  # Samples in place of one where sampling is uneven.
 
 
 def least_lively(
-    sizes: Float[np.ndarray, " n"], is_angle: Sequence[bool] | Bool[np.ndarray, " n"], *, idle: float = IDLE
+    sizes: Float[np.ndarray, " n"], is_angle: Sequence[bool] | Bool[np.ndarray, " n"], *, idle: float = _IDLE
 ) -> Float[np.ndarray, " n"]:
     """Sizes below which coordinates rest: nothing moves, or an encoder flickers.
 
@@ -34,7 +33,7 @@ def least_lively(
 
 
 def time_scales(
-    trajectories: Sequence[Trajectory], is_angle: Sequence[bool] | Bool[np.ndarray, " n"], *, idle: float = IDLE
+    trajectories: Sequence[Trajectory], is_angle: Sequence[bool] | Bool[np.ndarray, " n"], *, idle: float = _IDLE
 ) -> Float[np.ndarray, " k"]:
     """Times in which rates change by about their own size: twice the lags after which they have changed by half.
 

@@ -208,9 +208,9 @@ def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = 
     if not recordings:
         raise ValueError(f"Bands need recordings in the part `{split}` to be judged by; there are none.")
     (error, half, share), lost = bands.along(recordings)
-    horizon = bands.horizon
     if not error.size:
         raise ValueError(f"Bands need rollouts that stay finite; all of those along the {split} recordings diverge.")
+    horizon = bands.horizon
     return BandScore(
         level=LEVEL,
         calibrated_on=bands.calibrated_on,

@@ -177,11 +177,6 @@ def _asked_first(function: AbstractFunction, added: AbstractFunction, kind: int)
     return Sum((start, Correction(added, kind=kind), *networks))
 
 
-def _silenced(perceptron: Perceptron) -> Perceptron:
-    """The same network with an output of zero."""
-    return eqx.tree_at(lambda p: p.weights[-1], perceptron, jnp.zeros_like(perceptron.weights[-1]))
-
-
 @dataclass(frozen=True)
 class _Maker:
     """Makes the blocks of one model."""
@@ -263,7 +258,7 @@ class _Maker:
 
         def silent(config: BlockConfig, size: int, key: PRNGKeyArray) -> Correction:
             perceptron = self._perceptron(self._standard(), config.hidden or (8,), size, key=key)
-            return Correction(Network(self.space, _silenced(perceptron)))
+            return Correction(Network(self.space, perceptron.silenced()))
 
         triangle = n * (n + 1) // 2
         return Corrections(
@@ -341,7 +336,7 @@ class _Maker:
             return start
         perceptron = self._perceptron(self._standard(), config.hidden, size, key=key)
         if config.constant or config.harmonics:
-            return Sum((start, Correction(Network(self.space, _silenced(perceptron)), kind=kind)))
+            return Sum((start, Correction(Network(self.space, perceptron.silenced()), kind=kind)))
         if base is not None and self.config.scaled:
             return Sum((start, Network(self.space, perceptron)))
         return Network(self.space, perceptron)

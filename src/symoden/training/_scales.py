@@ -44,10 +44,8 @@ def measure_scales(
     velocity = _rms(slopes if momenta else rates)
     velocity = np.maximum(velocity, least_lively(velocity, space.is_angle))  # The flicker of an encoder is no motion.
     inputs = _rms(us)
-    given = KnownMagnitudes(None, None)
-    at = (*states(trajectories, momenta=momenta), us)
-    if known is not None:
-        given = known_magnitudes(known, space, *at)
+    at = () if known is None else (*states(trajectories, momenta=momenta), us)
+    given = KnownMagnitudes(None, None) if known is None else known_magnitudes(known, space, *at)
     force = np.abs(input_matrix) @ inputs if input_matrix is not None and np.any(input_matrix) else given.force
     momentum = _rms(rates) if momenta else given.momentum
     if momentum is None and force is not None:
