@@ -89,7 +89,7 @@ def line_up(
             )
         longer = longer_data(dataset, dynamics, data, config)
         answered = first and energies_are_given(dynamics)
-        stages.extend(_further(dynamics, data, longer, config, turns_are_known=answered))
+        stages.extend(_further(dynamics, data, longer, config, answered=answered))
         stages.extend(_growth(dataset, dynamics, [data, *longer][-1], config, after=len(stages)))
     return stages
 
@@ -137,15 +137,16 @@ def _further(
     config: TrainingConfig,
     *,
     regression: bool = False,
-    turns_are_known: bool = False,
+    answered: bool = False,
 ) -> list[LevenbergStage]:
     """Corrections: of inertia, inputs and V; friction's laws, directions, and what of all that is needed.
 
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
     where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
-    turn, if refused, are asked for once more (`_actuation_anew`). Where M and V are given a regression is linear in g,
-    and its answer stands (`turns_are_known`): on six joints rollouts take minutes to ask again.
+    turn, if refused, are asked for once more (`_actuation_anew`). Where M and V are given a regression is linear in g
+    and, but for knees, in friction: of inputs that turn and of directions its answer stands (`answered`). On six joints
+    rollouts take minutes to ask again.
 
     The same goes for a V that is no polynomial of lengths, or has more than an angle's first harmonics: the network of
     lengths, and the series of single angles, are asked for early. On angles networks come last, since harmonics hold
@@ -185,7 +186,7 @@ def _further(
     rubs = has(FRICTION) and (not regression or dynamics.space.size >= _MANY)
     judged = FRICTION if rubs else 0
     learns = learn > 0 and fits(judged)
-    turns = has(ACTUATION) and not turns_are_known and fits(judged | DIRECTIONS | ACTUATION)
+    turns = has(ACTUATION) and not answered and fits(judged | DIRECTIONS | ACTUATION)
     bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
     of = "regression: " if regression else ""
     further = functools.partial(LevenbergStage, data, config, steps=grow, frees=True, margin=CLEAR)
@@ -200,7 +201,7 @@ def _further(
             rubs and bends,
             further(of + "potential and friction", corrections=POTENTIAL | FRICTION, unless=POTENTIAL),
         ),
-        (rubs and has(DIRECTIONS), further(of + "directions", corrections=FRICTION | DIRECTIONS)),
+        (rubs and has(DIRECTIONS) and not answered, further(of + "directions", corrections=FRICTION | DIRECTIONS)),
     )
     stages = [stage for sensible, stage in asked if sensible]
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
