@@ -1,5 +1,6 @@
 """A data set's recordings belong together, and its parts have nothing in common."""
 
+import dataclasses
 import subprocess
 import sys
 from typing import Any
@@ -102,6 +103,9 @@ BAD = [
     ({"input_matrix": np.ones((1, 2))}, "`input_matrix` must be 1 × 1 .*; got 1 × 2"),
     ({"input_matrix": np.array([[np.nan]])}, "`input_matrix`, row 0: must be finite"),
     ({"position_names": ("a", "b")}, "`position_names` must be 1 names; got 2"),
+    ({"position_units": ("m",)}, r"`arm`: `position_units` must be .* on T; got \('m',\)\."),
+    ({"position_units": ("rad", "m")}, r"for each of 1 coordinates, .*; got \('rad', 'm'\)\."),
+    ({"space": "R1", "position_units": ("deg",)}, r"got \('deg',\)\."),
 ]
 
 
@@ -116,3 +120,27 @@ def test_a_training_recording_under_another_name_is_refused_elsewhere(part):
     parts: dict[str, Any] = {part: (recording("b", 0),)}
     with pytest.raises(DataError, match=f"`b` of `{part}` must not be a recording of `train`; it equals `a`"):
         Dataset(name="arm", space="T1", train=(recording("a", 0),), **parts)
+
+
+@pytest.mark.parametrize(
+    ("space", "told", "units"),
+    [
+        ("T1 R1", (), ("rad", "")),
+        ("T1 R1", ("", ""), ("rad", "")),
+        ("T1 R1", ("rad", "m"), ("rad", "m")),
+        ("R2", ("rad", ""), ("rad", "")),  # An angle that does not come back after a turn.
+    ],
+)
+def test_what_coordinates_are_measured_in_comes_from_the_space_and_what_is_told(space, told, units):
+    dataset = Dataset(name="arm", space=space, train=(recording("a", 0, 2),), position_units=told)
+    assert dataset.position_units == units
+
+
+def test_an_angle_that_is_told_to_be_a_number_stays_in_radians():
+    dataset = Dataset(name="arm", space="T1 R1", train=(recording("a", 0, 2),))
+    assert dataclasses.replace(dataset, space="R1 T1").position_units == ("rad", "rad")
+
+
+def test_units_do_not_tell_data_apart():
+    plain = Dataset(name="arm", space="R1", train=(recording("a", 0),))
+    assert dataclasses.replace(plain, position_units=("rad",)).digest == plain.digest

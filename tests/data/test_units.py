@@ -128,12 +128,15 @@ def test_what_is_no_unit_is_refused(tmp_path, units, message):
         ("R1", 'v = "rpm"', ["q [rad]", "v [rad/s]", "u"]),
     ],
 )
+@pytest.mark.filterwarnings("ignore::symoden.data.DataWarning")  # The numbers themselves are in SI.
 def test_columns_are_called_with_their_si_units_where_these_are_known(tmp_path, space, units, titles):
     t = 0.01 * np.arange(200)
     np.savez(tmp_path / "a.npz", t=t, q=np.sin(t), v=np.cos(t), u=t)
     path = described(tmp_path, units)
     path.write_text(path.read_text().replace('"T2"', f'"{space}"'), encoding="utf-8")
     assert [one.title for one in check_dataset(path).recordings[0].channels] == titles
+    unit = next((unit for unit in ("rad", "m") if f"[{unit}]" in titles[0]), "")
+    assert read_dataset(path).position_units == (unit,)
 
 
 @pytest.mark.parametrize(

@@ -54,6 +54,18 @@ def test_a_data_set_survives_being_written_and_read(tmp_path_factory, n, m, mome
                 np.testing.assert_allclose(getattr(ours, array), getattr(theirs, array), atol=1e-12)
 
 
+def test_what_the_space_does_not_tell_of_units_is_written(tmp_path):
+    units = ("rad", "m", "", "rad")
+    data = Dataset(name="d", space="R3 T1", train=(recording("a", n=4),), position_units=units)
+    write_dataset(tmp_path / "d.toml", data)
+    assert 'units = { "q[0]" = "rad", "q[1]" = "m" }' in (tmp_path / "d.toml").read_text()
+    read = read_dataset(tmp_path / "d.toml")
+    assert read.position_units == units
+    np.testing.assert_array_equal(read.train[0].q, data.train[0].q)
+    write_dataset(tmp_path / "e.toml", DATA)
+    assert "units" not in (tmp_path / "e.toml").read_text()
+
+
 def test_late_velocities_come_back_as_they_were(tmp_path):
     ts = 0.005 * np.arange(400)
     late = Trajectory(

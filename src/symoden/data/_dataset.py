@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from symoden.known import KnownParts
+from symoden.units import position_units
 
 from ._errors import DataError
 from ._trajectory import Trajectory, finite_numbers
@@ -36,6 +37,8 @@ class Dataset:
         known: Parts of the mechanism that are given as formulas or functions, or up to parameters.
         position_names: Names of the columns of `q`.
         input_names: Names of the columns of `us`.
+        position_units: What each coordinate is measured in: "rad", "m", or "" where it is as it was logged. Angles on T
+            are in rad; a coordinate on R may be an angle, too, that does not come back after a turn.
 
     Example:
         >>> import numpy as np
@@ -57,13 +60,14 @@ class Dataset:
     known: KnownParts | None = None
     position_names: tuple[str, ...] = ()
     input_names: tuple[str, ...] = ()
+    position_units: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Complete the names, unwrap angles, and refuse parts that do not belong together.
+        """Complete names and units, unwrap angles, and refuse parts that do not belong together.
 
         Raises:
-            DataError: If a part is no sequence of recordings, there is no recording, sizes differ, or a part is
-                repeated in another one.
+            DataError: If a part is no sequence of recordings, there is no recording, sizes differ, a part is repeated
+                in another one, or a unit is none of a coordinate.
         """
         for part in _PARTS:
             object.__setattr__(self, part, _recordings(self.name, part, getattr(self, part)))
@@ -94,6 +98,7 @@ class Dataset:
             if len(names) != count:
                 raise DataError(f"`{self.name}`: `{field}` must be {count} names; got {len(names)}: {names}.")
             object.__setattr__(self, field, names)
+        object.__setattr__(self, "position_units", _units_of(self.name, is_angle, self.position_units))
 
     @property
     def recordings(self) -> tuple[Trajectory, ...]:
@@ -112,7 +117,10 @@ class Dataset:
 
     @functools.cached_property
     def digest(self) -> str:
-        """SHA-256: data that moved from one part to another, or of which something else is told, differ."""
+        """SHA-256: data that moved from one part to another, or of which something else is told, differ.
+
+        Names and units do not count: no result depends on what the same numbers are called.
+        """
         digest = hashlib.sha256(repr((self.space, self.momenta, self.hold, self.known)).encode())
         arrays = {"input_matrix": np.zeros(0) if self.input_matrix is None else self.input_matrix}
         for part in ("train", "validation", "test"):
@@ -161,6 +169,14 @@ def _angles_of(name: str, space: str, size: int) -> np.ndarray:
             f"have {size}. Give one factor per position column, in their order."
         )
     return np.array(known.is_angle)
+
+
+def _units_of(name: str, is_angle: np.ndarray, told: tuple[str, ...]) -> tuple[str, ...]:
+    """What each coordinate is measured in, as far as that is known."""
+    try:
+        return position_units(is_angle.tolist(), told)
+    except ValueError as error:
+        raise DataError(f"`{name}`: {error}") from error
 
 
 def _unwrapped(recording: Trajectory, is_angle: np.ndarray) -> Trajectory:

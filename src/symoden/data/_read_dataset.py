@@ -110,6 +110,7 @@ def assemble(
         known=description.known,
         position_names=short[: len(names[0])],
         input_names=short[len(names[0]) :],
+        position_units=logs[0].units["positions"],
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from symoden.storage import write_atomically
 
 from ._dataset import Dataset
+from ._description import angles_of
 from ._errors import DataError
 from ._trajectory import Trajectory
 
@@ -52,12 +53,15 @@ def write_dataset(path: Path | str, dataset: Dataset) -> None:
     for part, recordings in parts.items():
         for recording in recordings:
             _write_recording(path.with_suffix("") / part / f"{recording.name}.npz", recording, momenta=dataset.momenta)
+    known = zip(dataset.position_units, angles_of(path, dataset.space), strict=True)
+    units = [f'"q[{i}]" = "{unit}"' for i, (unit, angle) in enumerate(known) if unit and not angle]
     lines = [
         f"space = {json.dumps(dataset.space)}",
         'time = "t"',
         'positions = "q"',
         *(['momenta = "p"'] if dataset.momenta else ['velocities = "v"', "trust_velocities = true"]),
         *(['inputs = "u"', f"hold = {json.dumps(dataset.hold)}"] if dataset.inputs else []),
+        *([f"units = {{ {', '.join(units)} }}"] if units else []),
         *([] if dataset.input_matrix is None else [f"input_matrix = {dataset.input_matrix.tolist()}"]),
         f"initial_samples = {dataset.recordings[0].initial_samples}",
     ]
