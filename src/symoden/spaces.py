@@ -92,23 +92,10 @@ class Space(eqx.Module):
         """Indices of the coordinates that are lengths."""
         return np.flatnonzero(~np.asarray(self.is_angle))
 
-    def title(self, name: str, coordinate: int, *, rate: bool = False) -> str:
-        """Name of a coordinate for a reader: an angle's with its unit, a length's, whose unit is not known, without.
-
-        Args:
-            name: Name of the coordinate, or of its velocity.
-            coordinate: Index of the coordinate.
-            rate: It is the velocity's.
-
-        Returns:
-            The name.
-
-        Example:
-            >>> Space.parse("R1 T1").title("theta", 1, rate=True)
-            'theta [rad/s]'
-        """
-        unit = "rad/s" if rate else "rad"
-        return f"{name} [{unit}]" if self.is_angle[coordinate] else name
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the coordinates where lengths are in SI: rad and m."""
+        return tuple("rad" if angle else "m" for angle in self.is_angle)
 
     def embed(self, q: Coordinates) -> Embedding:
         """Map coordinates to (r, cos φ, sin φ): all lengths, then all cosines, then all sines.

@@ -177,6 +177,7 @@ def test_inspect_keeps_the_contract(arm_run, capsys):
     found = answer(capsys, "inspect", arm_run)
     assert list(found) == [
         "space",
+        "position_units",
         "parameters",
         "anchor",
         "given",
@@ -187,7 +188,7 @@ def test_inspect_keeps_the_contract(arm_run, capsys):
         "audit",
         "training",
     ]
-    assert (found["space"], found["anchor"]) == ("T1", "input_matrix given")
+    assert (found["space"], found["position_units"], found["anchor"]) == ("T1", ["rad"], "input_matrix given")
     assert (found["given"], found["identified"]) == ({"input_matrix": "given"}, {})
     assert 0 < found["mass_matrix_eigenvalues"]["min"] <= found["mass_matrix_eigenvalues"]["max"]
     assert set(found["certainty"]["relative"]) == {"M", "V", "g", "D"}
@@ -214,6 +215,40 @@ def test_inspect_shows_the_blocks_over_the_data(arm_run, capsys):
     assert "half of a 90% band" in printed
     assert "g[q, u]" not in printed  # It was given.
     assert "anywhere" in printed  # Its friction does not depend on where it is.
+
+
+@pytest.mark.parametrize(
+    ("unit", "rate", "force", "matrices", "errors"),
+    [
+        ("rad", "rad/s", "N m", ("kg m²", "N m s"), "rad"),
+        ("m", "m/s", "N", ("kg", "N s/m"), "m"),
+        ("", "", "", ("kg", "N s/m"), "lengths in m, or as they were logged without `units`"),
+    ],
+    ids=["angle", "length", "as logged"],
+)
+def test_a_coordinate_on_r_is_shown_in_what_it_is_measured_in(
+    described, tmp_path, capsys, unit, rate, force, matrices, errors
+):
+    units = f'units = {{ q = "{unit}" }}' if unit else ""
+    described.write_text(described.read_text().replace('space = "T1"', f'space = "R1"\n{units}'))
+    folder = write_untrained_run(tmp_path / "run", described)
+    q, v, moved = (f" [{each}]" if each else "" for each in (unit, rate, force))
+    M, D = matrices
+    assert main(["inspect", str(folder)]) == 0
+    printed = capsys.readouterr().out
+    assert f"units, where the data are SI and inputs N or N m: M {M}; V J; D {D}\n" in printed
+    for head in (rf"q{re.escape(q)} +M\[1, 1\]", rf"v{re.escape(v)} +D\[1, 1\] +force D v{re.escape(moved)}\n"):
+        assert re.search(f"^{head}", printed, re.MULTILINE)
+    assert main(["evaluate", str(folder)]) == 0
+    assert f"position RMSE [{errors}]: over windows of 1 s" in " ".join(capsys.readouterr().out.split())
+    learned = _learned.Learned.of(folder)
+    assert learned.source is not None
+    panels = learned.draw().axes
+    assert [ax.get_xlabel() for ax in panels] == [*[f"q{q}"] * 3, f"velocity of q{v}"]
+    symbols = [f"M [{M}]", "V - min V [J]", f"D at half of the largest velocities [{D}]", f"friction [{force or 'N'}]"]
+    assert [ax.get_title() for ax in panels] == symbols
+    drawn = _learned.draw_unseen(learned.model, learned.config, learned.source.dataset, None)
+    assert drawn.axes[0].get_title() == f"q{q}"
 
 
 def test_inspect_names_what_was_given_and_what_it_left_open(described, tmp_path, capsys):

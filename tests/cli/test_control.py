@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from symoden.cli import _checks, main
+from symoden.cli import _checks, _control, main
 from symoden.cli._control import hardly_moves
 from symoden.control import METHODS
 from symoden.experiments import (
@@ -165,6 +165,18 @@ def test_a_controller_is_tried_on_the_learned_model(arm_run, tmp_path, capsys):
     assert figure.exists()
     assert main(words) == 0
     assert "on the learned model, inputs up to" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("unit", "label"), [("rad", "q [rad]"), ("m", "q [m]"), ("", "q")])
+def test_what_a_learned_model_s_coordinates_are_measured_in_is_drawn(described, tmp_path, monkeypatch, unit, label):
+    units = f'units = {{ q = "{unit}" }}' if unit else ""
+    described.write_text(described.read_text().replace('space = "T1"', f'space = "R1"\n{units}'))
+    figures = []
+    monkeypatch.setattr(_control, "save_figure", lambda figure, path: figures.append(figure))
+    run = write_untrained_run(tmp_path / "run", described)
+    assert main(["control", str(run), "--target", "0", *QUICK, "--figure", str(tmp_path / "a.png")]) == 0
+    (figure,) = figures
+    assert figure.axes[0].get_ylabel() == label
 
 
 def test_an_ensemble_stands_in_for_the_machine(arm, tmp_path, capsys):

@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from symoden.cli._scores import by_heart, diverging, poor, share_of_motion
+from symoden.cli._scores import _recordings, by_heart, diverging, poor, share_of_motion
 from symoden.experiments import MotionScore, RecordingScore, WindowScore
 
 
@@ -42,6 +42,20 @@ def test_the_length_of_windows_is_named():
     short = recording(0.6, 1.0)
     short = dataclasses.replace(short, window_rmse=dataclasses.replace(short.window_rmse, horizon_s=0.2))
     assert poor([short]).startswith("over 0.2 s predictions are off by 0.6")
+
+
+@pytest.mark.parametrize(
+    ("units", "named"),
+    [
+        (("rad", "rad"), "rad"),
+        (("m", "rad"), "rad, m"),
+        (("m", "m"), "m"),
+        (("", "rad"), "rad, lengths in m, or as they were logged without `units`"),
+        (("m", ""), "lengths in m, or as they were logged without `units`"),
+    ],
+)
+def test_errors_are_in_the_units_of_the_coordinates(units, named):
+    assert _recordings([recording(0.1, 1.0)], units, ("a", "b")).title.startswith(f"position RMSE [{named}]: over")
 
 
 def test_rollouts_of_whole_recordings_that_diverge_are_named():

@@ -186,6 +186,17 @@ def test_an_interrupted_run_keeps_its_checkpoint(arm, tmp_path, capsys, monkeypa
     assert "--resume" in capsys.readouterr().err
 
 
+def test_a_unit_that_is_told_later_joins_a_run(described, tmp_path):
+    text, run = described.read_text().replace("T1", "R1"), tmp_path / "run"
+    described.write_text(text)
+    words = ["train", str(described), "--out", str(run), "--max-minutes", "1e-9"]
+    assert main(words) == 0
+    assert read_run(run).data.position_units == ("",)
+    described.write_text(text.replace('"R1"', '"R1"\nunits = { q = "rad" }'))  # The numbers stay as they were.
+    assert main([*words, "--resume"]) == 0
+    assert read_run(run).data.position_units == ("rad",)
+
+
 def test_the_space_of_a_run_stays_with_it(arm, tmp_path):
     folder = tmp_path / "run"
     assert main(["train", str(arm), "--space", "R1", "--out", str(folder), "--max-minutes", "1e-9"]) == 0

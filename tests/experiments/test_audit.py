@@ -134,18 +134,29 @@ def test_every_model_can_be_inspected(cartpole, kind, momenta):
 
 
 @pytest.mark.parametrize(
-    ("space", "expected"),
+    ("space", "told", "expected"),
     [
-        ("T2", {"M": "kg m²", "V": "J", "D": "N m s"}),
-        ("R2", {"M": "kg", "V": "J", "D": "N s/m"}),
-        ("R1 T1", {"M": "kg, kg m, kg m²", "V": "J", "D": "N s/m, N s, N m s"}),
+        ("T2", ("rad", "rad"), {"M": "kg m²", "V": "J", "D": "N m s"}),
+        ("R2", ("", "m"), {"M": "kg", "V": "J", "D": "N s/m"}),
+        ("R1 T1", ("m", "rad"), {"M": "kg, kg m, kg m²", "V": "J", "D": "N s/m, N s, N m s"}),
+        ("R1 T1", ("rad", "rad"), {"M": "kg m²", "V": "J", "D": "N m s"}),  # An angle that winds something up.
     ],
 )
-def test_blocks_have_units_where_something_fixes_the_scale(space, expected):
-    assert units(small("dissipative", space, input_matrix=np.array([[1.0], [0.0]]))) == expected
-    assert units(small("dissipative", space, momenta=True)) == expected
-    assert units(small("dissipative", space)) == {}
-    assert units(small("naive", space, momenta=True)) == {}
+def test_blocks_have_units_where_something_fixes_the_scale(space, told, expected):
+    assert units(small("dissipative", space, input_matrix=np.array([[1.0], [0.0]])), told) == expected
+    assert units(small("dissipative", space, momenta=True), told) == expected
+    assert units(small("dissipative", space), told) == {}
+    assert units(small("naive", space, momenta=True), told) == {}
+
+
+@pytest.mark.parametrize(
+    ("told", "measured", "inertia"),
+    [((), ("", "rad"), "kg, kg m, kg m²"), (("rad", ""), ("rad", "rad"), "kg m²"), (("m", "rad"), ("m", "rad"), None)],
+)
+def test_what_coordinates_are_measured_in_is_told_with_what_was_learned(cartpole, told, measured, inertia):
+    found = inspected(small("dissipative", "R1 T1", momenta=True), cartpole, position_units=told)
+    assert found.position_units == measured
+    assert found.units["M"] == (inertia or "kg, kg m, kg m²")
 
 
 @pytest.mark.parametrize("kind", ["dissipative", "unstructured", "symoden"])

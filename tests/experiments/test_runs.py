@@ -198,6 +198,19 @@ def test_a_run_that_was_told_its_space_reads_other_data_so():
 
 
 DRIVEN = Dataset(name="d", space="T1", train=(swing(), swing(samples=31)), input_matrix=np.eye(1))
+
+
+def test_a_run_keeps_what_its_coordinates_are_measured_in(tmp_path):
+    data = summarize(dataclasses.replace(DRIVEN, space="R1", position_units=("rad",)))
+    write_run(tmp_path, settings(data=data))
+    assert read_run(tmp_path).data.position_units == ("rad",)
+    changed(tmp_path, lambda value: value["data"].pop("position_units"))  # As of runs from before this was kept.
+    assert read_run(tmp_path).data.position_units == ("",)
+    changed(tmp_path, lambda value: value["data"].update(position_units=["km"]))
+    with pytest.raises(StorageError, match=r"`data`: `position_units` must be .* got \('km',\)"):
+        read_run(tmp_path)
+
+
 OTHERS = {
     "length": dataclasses.replace(DRIVEN, train=(swing(), swing(samples=32))),
     "part": dataclasses.replace(DRIVEN, train=DRIVEN.train[:1], test=DRIVEN.train[1:]),

@@ -118,6 +118,7 @@ def test_the_data_are_laid_out_as_the_task_says(name, simulated):
     assert len(data.dataset.train) == 3 * len(inputs)
     assert len(data.dataset.test) == 2 * len(inputs)
     assert (data.dataset.space, data.dataset.momenta) == (found.space, found.system.momenta)
+    assert data.dataset.position_units == found.system.space.units  # Whatever space is told: task 1's angle is on R.
     assert data.dataset.input_names == found.input_names
     for index, path in enumerate(data.dataset.train):
         assert path.ts == pytest.approx(found.dt * np.arange(20))

@@ -26,6 +26,7 @@ from symoden.experiments import (
 from symoden.mechanics import AbstractDynamics
 from symoden.storage import write_atomically
 from symoden.systems import Machine
+from symoden.units import titled
 
 from ._arguments import Control
 from ._figure import save_figure
@@ -57,9 +58,8 @@ def run(command: Control) -> None:
         machine = machine_of(config.source, command.env)
     result = try_control(without_silent(model), machine, settings, plants=plants, tell=_tell)
     outside = outside_data(result, config.data.ranges)
-    names = config.data.position_names, config.data.input_names
     if command.figure is not None:
-        _draw(result, names, command.figure)
+        _draw(result, config, command.figure)
     if command.video is not None:
         _film(result, command.video)
     if command.general.json:
@@ -100,7 +100,7 @@ def hardly_moves(name: str, way: float) -> str:
         return ""
     return (
         f"`{name}` goes {number(way)} in the training data, where {near:g} from the target counts as being there and "
-        "episodes begin up to 0.5 away: successes mean little. Give lengths in a smaller unit, as a factor under "
+        "episodes begin up to 0.5 away: successes mean little. Give it in a smaller unit, as a factor under "
         "`units`, and train anew."
     )
 
@@ -192,11 +192,14 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
     }
 
 
-def _draw(result: ControlResult, names: tuple[tuple[str, ...], tuple[str, ...]], path: Path) -> None:
+def _draw(result: ControlResult, config: RunConfig, path: Path) -> None:
     """Draw the episodes into a file."""
     from symoden.report import draw_control
 
-    save_figure(draw_control(result, names=names), path)
+    data, machine = config.data, result.machine
+    units = data.position_units if machine.name == LEARNED else machine.system.space.units
+    figure = draw_control(result, positions=list(map(titled, data.position_names, units)), inputs=data.input_names)
+    save_figure(figure, path)
 
 
 def _film(result: ControlResult, path: Path) -> None:

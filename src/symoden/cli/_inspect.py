@@ -76,6 +76,7 @@ def _as_json(found: Inspection, audited: dict[str, object], certain: dict[str, o
 
     return {
         "space": found.space,
+        "position_units": found.position_units,
         "parameters": found.parameters,
         "anchor": found.anchor,
         "given": found.given,

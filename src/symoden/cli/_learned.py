@@ -26,8 +26,8 @@ from symoden.experiments import (
 )
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
-from symoden.spaces import Space
 from symoden.training import AbstractPosterior, hold_out
+from symoden.units import titled
 
 from ._progress import show_work
 from ._warnings import said_before
@@ -92,7 +92,8 @@ class Learned:
         Returns:
             Both.
         """
-        found = inspect_model(self.model, self.config.data.ranges, points=points)
+        data = self.config.data
+        found = inspect_model(self.model, data.ranges, position_units=data.position_units, points=points)
         if self.posterior is None:
             return found, None
         with show_work("bands of M, V, g and D"):
@@ -245,5 +246,4 @@ def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, ba
 
     chosen = unseen(dataset)[1][:MOST_DRAWN]
     paths = recorded_paths(model, chosen, hold=dataset.hold, solver=evaluation_solver(config), bands=bands)
-    space = Space.parse(config.data.space)
-    return draw_recorded(paths, [space.title(name, i) for i, name in enumerate(config.data.position_names)])
+    return draw_recorded(paths, list(map(titled, config.data.position_names, dataset.position_units)))

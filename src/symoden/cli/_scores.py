@@ -19,7 +19,6 @@ from symoden.experiments import (
     score_task,
 )
 from symoden.mechanics import AbstractDynamics
-from symoden.spaces import Space
 from symoden.wording import first_few
 
 from ._output import TableText, number, print_table
@@ -212,7 +211,7 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
         recordings = score_recordings(model, source.dataset, solver=solver)
         return Scores(
             {"recordings": [asdict(recording) for recording in recordings]},
-            _recordings(recordings, model.space, config.data.position_names),
+            _recordings(recordings, source.dataset.position_units, config.data.position_names),
             poor(recordings) or by_heart(recordings) or diverging(recordings),
             share_of_motion(recordings),
         )
@@ -232,15 +231,15 @@ def _errors(score: TaskScore, task: Task, kind: str) -> TableText:
     )
 
 
-def _recordings(recordings: Sequence[RecordingScore], space: Space, names: Sequence[str]) -> TableText:
+def _recordings(recordings: Sequence[RecordingScore], units: Sequence[str], names: Sequence[str]) -> TableText:
     """Errors of every recording; of a few coordinates also each one's."""
-    angles, lengths = len(space.lengths) < space.size, len(space.lengths) > 0
-    units = ", ".join(["rad"] * angles + ["lengths in m, or as they were logged without `units`"] * lengths)
+    lengths = ["lengths in m, or as they were logged without `units`"] if "" in units else ["m"] * ("m" in units)
+    measured = ", ".join([*["rad"] * ("rad" in units), *lengths])
     length = _length(recordings) if recordings else ""
     each = [f"{length}, {name}" for name in names] if 1 < len(names) <= _FEW else []
     short = any(math.isnan(r.motion) for r in recordings)
     return TableText(
-        f"position RMSE [{units}]: over windows of {length}, beside how far positions move in these, and of one "
+        f"position RMSE [{measured}]: over windows of {length}, beside how far positions move in these, and of one "
         "rollout over the whole recording"
         + ("; of each coordinate the median over the windows" if each else "")
         + ("; -: the recording is shorter than a window" if short else ""),

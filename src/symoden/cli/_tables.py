@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
 from symoden.experiments import Certainty, Inspection, Profile, RunConfig
-from symoden.spaces import Space
+from symoden.units import titled
 
 from ._output import TableText, number
 from ._words import size_words
@@ -54,11 +54,11 @@ def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> I
         factor = ": masses, moments and forces up to one common factor, which `input_matrix` would fix"
         free = "" if found.units else factor
         yield TableText(f"identified parameters{free}", ("name", "value"), rows)
-    names, space = (config.data.position_names, config.data.input_names), Space.parse(found.space)
+    names, units = (config.data.position_names, config.data.input_names), found.position_units
     profiles = [
         list(
             _profile_tables(
-                profile, certain and certain.profiles[i], *names, title=space.title(names[0][i], i), given=found.given
+                profile, certain and certain.profiles[i], *names, title=titled(names[0][i], units[i]), given=found.given
             )
         )
         for i, profile in enumerate(found.profiles)
@@ -72,7 +72,8 @@ def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> I
             for j, v in enumerate(along.velocities)
         ]
         title = f"friction along the velocity of {names[0][i]}, the data's middle otherwise"
-        yield TableText(title, (space.title("v", i, rate=True), f"D[{i + 1}, {i + 1}]", "force D v"), rows)
+        force = titled("force D v", units[i] if found.units else "", "force")
+        yield TableText(title, (titled("v", units[i], "velocity"), f"D[{i + 1}, {i + 1}]", force), rows)
 
 
 def _banded(value: float, half_width: float | None) -> str:

@@ -147,7 +147,8 @@ def _continued(command: Train) -> tuple[RunConfig, Source]:
             f"`{source.name}`: the data must be those that the run in `{command.out}` began with; they have changed. "
             "Restore them, or start another run."
         )
-    return config, source
+    told = dataclasses.replace(config.data, position_units=source.dataset.position_units)  # The same numbers, named.
+    return dataclasses.replace(config, data=told), source
 
 
 def _name_many_joints(kind: str, space: str, given: Collection[str]) -> None:

@@ -231,7 +231,7 @@ def _check_target(coordinate: int, value: float, bounds: tuple[float, float], *,
     if not angle and away > _FAR * max(high - low, Tolerance().position):
         raise ValueError(
             f"The target must be near the training data; coordinate {coordinate} got {value:g}, far outside "
-            f"[{low:.4g}, {high:.4g}]. Give it in the unit that `units` brings the data to, as a rule m."
+            f"[{low:.4g}, {high:.4g}]. Give it in the unit that `units` brings the data to, as a rule m or rad."
         )
 
 

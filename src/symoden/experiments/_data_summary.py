@@ -5,6 +5,7 @@ from typing import Literal
 
 from symoden.data import Dataset
 from symoden.spaces import Space
+from symoden.units import position_units
 
 from ._ranges import Ranges
 
@@ -23,6 +24,8 @@ class DataSummary:
         input_names: Names of the inputs.
         ranges: Least and largest values in the training part.
         digest: SHA-256 of the recordings of each part and of all that is told of them; resuming with others is refused.
+        position_units: What each coordinate is measured in: "rad", "m", or "" where it is as it was logged. Runs from
+            before this was kept know what the space tells.
     """
 
     space: str
@@ -34,6 +37,16 @@ class DataSummary:
     input_names: tuple[str, ...]
     ranges: Ranges
     digest: str
+    position_units: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Complete the units.
+
+        Raises:
+            ValueError: If one is none of its coordinate.
+        """
+        units = position_units(Space.parse(self.space).is_angle, self.position_units)
+        object.__setattr__(self, "position_units", units)
 
 
 def summarize(dataset: Dataset) -> DataSummary:
@@ -56,4 +69,5 @@ def summarize(dataset: Dataset) -> DataSummary:
         input_names=dataset.input_names,
         ranges=Ranges.of(dataset.train or dataset.recordings, Space.parse(dataset.space)),
         digest=dataset.digest,
+        position_units=dataset.position_units,
     )

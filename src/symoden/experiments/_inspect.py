@@ -15,6 +15,7 @@ from symoden.blocks import count_active, count_parameters
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential
 from symoden.models import Given, StructuredModel, given_parts, parts_that_fix_the_scale
 from symoden.shapes import Coordinates, Rates
+from symoden.units import position_units as units_of_positions, units_of_entries
 
 from ._ranges import Ranges
 
@@ -111,6 +112,7 @@ class Inspection:
 
     Attributes:
         space: Configuration space.
+        position_units: What each coordinate is measured in: "rad", "m", or "" where it is as it was logged.
         parameters: Number of parameters.
         active: Number of those that do something: without corrections that were never needed.
         anchor: What fixes the scale of inertia, energy and friction.
@@ -126,6 +128,7 @@ class Inspection:
     """
 
     space: str
+    position_units: tuple[str, ...]
     parameters: int
     active: int
     anchor: str
@@ -140,18 +143,23 @@ class Inspection:
     middle: Float[np.ndarray, " n"]
 
 
-def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -> Inspection:
+def inspect_model(
+    model: AbstractDynamics, ranges: Ranges, *, position_units: Sequence[str] = (), points: int = 5
+) -> Inspection:
     """Evaluate a model's blocks over the range of its training data.
 
     Args:
         model: Learned model or analytic system.
         ranges: Ranges of the training data.
+        position_units: What each coordinate is measured in: "rad", "m" or "" (not known); all but angles on T are not
+            known if empty.
         points: Number of values along each coordinate, and of velocities in each direction at which friction is looked
             at.
 
     Returns:
         What it learned.
     """
+    measured = units_of_positions(model.space.is_angle, position_units)
     q_low, q_high = ranges.configurations(model.space)
     low, high = np.concatenate([[q_low, q_high], np.asarray(ranges.rates).T], axis=1)
     states = np.random.default_rng(0).uniform(low, high, (_STATES, len(low)))
@@ -168,10 +176,11 @@ def inspect_model(model: AbstractDynamics, ranges: Ranges, *, points: int = 5) -
     middle = (q_low + q_high) / 2
     return Inspection(
         space=str(model.space),
+        position_units=measured,
         parameters=count_parameters(model),
         active=count_active(model, jnp.zeros(model.space.size)),
         anchor=anchor(model),
-        units=units(model),
+        units=units(model, measured),
         given=given_parts(model),
         identified=identified_parameters(model),
         mass_matrix_eigenvalues=mass,
@@ -198,11 +207,12 @@ def anchor(model: AbstractDynamics) -> str:
     return "momenta measured" if model.momenta else "none: only ratios are known"
 
 
-def units(model: AbstractDynamics) -> dict[str, str]:
+def units(model: AbstractDynamics, position_units: Sequence[str]) -> dict[str, str]:
     """Units of M, V and D where those of the data are SI.
 
     Args:
         model: Learned model or analytic system.
+        position_units: What each coordinate is measured in; what is not known counts as a length.
 
     Returns:
         The units by letter, one for each kind of entry; none where nothing fixes the scale, or the model has no such
@@ -211,9 +221,7 @@ def units(model: AbstractDynamics) -> dict[str, str]:
     anchored = model.momenta or parts_that_fix_the_scale(model)
     if not isinstance(model, AbstractPortHamiltonian) or not anchored:
         return {}
-    lengths, angles = len(model.space.lengths) > 0, len(model.space.angles) > 0
-    entries = np.array([lengths, lengths and angles, angles])  # Of two lengths, of one of each, of two angles.
-    M, D = (", ".join(np.array(names)[entries]) for names in (("kg", "kg m", "kg m²"), ("N s/m", "N s", "N m s")))
+    M, D = (", ".join(units_of_entries(quantity, position_units)) for quantity in ("inertia", "friction"))
     return {"M": M, "V": "J", "D": D}
 
 

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from symoden.data import Trajectory
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates, Rates
+from symoden.units import titled
 
 from ._evaluate import Prediction
 from ._free import free_rollouts
@@ -88,10 +89,11 @@ def phase_plane(contest: Contest, *, count: int = 5, points: int = 41) -> PhaseP
     longer = dataclasses.replace(task, points=max(task.points, task.prediction_points))
     driven = simulate(longer, seed=contest.source.seed, train_initials=1, test_initials=count).dataset.test
     free = tuple(trajectory for trajectory in driven if not np.any(trajectory.us))
-    name, unit = ("p", "kg m²/s") if task.system.momenta else ("velocity", "rad/s")
+    (unit,) = task.system.space.units
+    rate = titled("p", unit, "momentum") if task.system.momenta else titled("velocity", unit, "velocity")
     return PhasePlane(
         coordinate=coordinate_title(task, 0),
-        rate=f"{name} [{unit}]",
+        rate=rate,
         q=q,
         rates=rates,
         truth=truth,

@@ -19,6 +19,7 @@ from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, frictio
 from symoden.models import StructuredModel, UnstructuredModel
 from symoden.shapes import Coordinates, Velocities
 from symoden.spaces import Space
+from symoden.units import titled, units_of_entries
 
 from ._evaluate import Prediction, TaskScore, predict
 from ._paper import PaperErrors
@@ -316,7 +317,7 @@ def coordinate_title(task: Task, coordinate: int) -> str:
     Returns:
         Title of an axis.
     """
-    return f"{task.position_names[coordinate]} [{'rad' if task.system.space.is_angle[coordinate] else 'm'}]"
+    return titled(task.position_names[coordinate], task.system.space.units[coordinate])
 
 
 def _driven(task: Task, trajectory: Trajectory) -> str:
@@ -327,8 +328,5 @@ def _driven(task: Task, trajectory: Trajectory) -> str:
 
 def _units(space: Space) -> tuple[str, str, str, str]:
     """Units of M⁻¹, V, g and D where inputs are forces or torques; entries of a mixed space have different ones."""
-    if all(space.is_angle):
-        return "1/(kg m²)", "J", "1", "N m s/rad"
-    if not any(space.is_angle):
-        return "1/kg", "J", "1", "N s/m"
-    return "SI", "J", "SI", "SI"
+    (inertia, *others), (friction, *_) = (units_of_entries(of, space.units) for of in ("inertia", "friction"))
+    return ("SI", "J", "SI", "SI") if others else (f"1/({inertia})", "J", "1", friction)

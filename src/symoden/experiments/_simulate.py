@@ -82,6 +82,7 @@ def simulate(
         momenta=task.system.momenta,
         position_names=task.position_names,
         input_names=task.input_names,
+        position_units=task.system.space.units,
     )
     return TaskData(dataset=dataset, prediction=_trajectories(task, "prediction-{:03d}", prediction[None], free[:1]))
 

@@ -20,31 +20,29 @@ _PANEL: Final = 1.6  # Least height of one.
 _FLOOR: Final = 1e-8
 
 
-def draw_control(result: ControlResult, *, names: tuple[Sequence[str], Sequence[str]]) -> Figure:
+def draw_control(result: ControlResult, *, positions: Sequence[str], inputs: Sequence[str]) -> Figure:
     """Draw coordinates, inputs and desired energy of up to 30 episodes, the median one dark.
 
     Args:
         result: How the episodes went.
-        names: Names of the coordinates and of the inputs.
+        positions: What to call the coordinates.
+        inputs: What to call the inputs.
 
     Returns:
         The figure.
     """
-    positions, inputs = names
     space = result.machine.system.space
-    units = ["rad" if angle else "m" for angle in space.is_angle]
-    panels = [(f"{name} [{unit}]", i) for i, (name, unit) in enumerate(zip(positions, units, strict=True))]
-    count = len(panels) + len(inputs) + 1
+    count = len(positions) + len(inputs) + 1
     figure = Figure(figsize=(_SIZE[0], max(_SIZE[1], count * _PANEL)), layout="constrained")
     axes = figure.subplots(count, 1, sharex=True)
     ts = np.asarray(result.episodes.ts[0])
-    for ax, (label, i) in zip(axes, panels, strict=False):
+    for i, (ax, title) in enumerate(zip(axes, positions, strict=False)):
         q = np.asarray(result.episodes.q)[:, :, i]
         plot_episodes(ts, _towards(q, result.machine.target[i]) if space.is_angle[i] else q, result, ax=ax)
         if not isinstance(result.controller, Tracking):
             ax.axhline(result.machine.target[i], **EDGE)
-        ax.set_ylabel(wrapped(label), fontsize=LABEL)
-    for ax, (j, name) in zip(axes[len(panels) :], enumerate(inputs), strict=False):
+        ax.set_ylabel(wrapped(title), fontsize=LABEL)
+    for ax, (j, name) in zip(axes[len(positions) :], enumerate(inputs), strict=False):
         plot_episodes(ts, np.asarray(result.episodes.u)[:, :, j], result, ax=ax)
         for sign in (-1, 1):
             ax.axhline(sign * result.limits[j], **EDGE)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from symoden.experiments import Certainty, Inspection
-from symoden.spaces import Space
+from symoden.units import titled, unit_of
 
 from ._style import COLOURS, DASHES, LABEL, SMALL, tidy
 
@@ -95,12 +95,12 @@ def _panels(
 ) -> list[functools.partial[Axes]]:
     """What to draw in the row of one coordinate."""
     profile, widths = found.profiles[k], certain and certain.profiles[k]
-    space = Space.parse(found.space)
+    unit = found.position_units[k]
     curves = profile.energy_curves() | profile.port_curves(positions, inputs, found.given)
     half = widths and widths.energy_curves() | profile.port_curves(positions, inputs, found.given, widths=widths)
     groups = {"M": "M", "V": "V - min V", "g": "g", "D": "D at half of the largest velocities"}
-    groups |= {letter: f"{groups[letter]} [{unit}]" for letter, unit in found.units.items()}
-    title, panels = space.title(positions[k], k), []
+    groups |= {letter: f"{groups[letter]} [{kinds}]" for letter, kinds in found.units.items()}
+    title, panels = titled(positions[k], unit), []
     for letter, symbol in groups.items():
         chosen = {name: values for name, values in curves.items() if name.startswith(letter)}
         if chosen:
@@ -109,8 +109,8 @@ def _panels(
     if found.friction:
         along, band = found.friction[k], certain and certain.friction[k]
         force, bands = {"D v": along.force}, band and {"D v": band.force}
-        coordinate = space.title(f"velocity of {positions[k]}", k, rate=True)
-        symbol = f"friction [{'N m' if space.is_angle[k] else 'N'}]" if found.units else "friction"
+        coordinate = titled(f"velocity of {positions[k]}", unit, "velocity")
+        symbol = f"friction [{unit_of('force', unit)}]" if found.units else "friction"
         draw = functools.partial(plot_curves, along.velocities, force, bands, coordinate=coordinate, symbol=symbol)
         panels.append(draw)
     return panels
