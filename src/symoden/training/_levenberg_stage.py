@@ -1,5 +1,6 @@
 """Levenberg-Marquardt as a stage of training."""
 
+import functools
 import math
 from dataclasses import dataclass, replace
 from typing import Final, final
@@ -16,6 +17,7 @@ from ._beginnings import AbstractBeginning, Best, Refitted, Untrained, Without
 from ._config import TrainingConfig
 from ._data import Data
 from ._flatten import Flattening, cast, drawn, freed
+from ._left_out import Contender, gain_in_turn
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
 from ._objective import AbstractObjective, Batch
@@ -28,7 +30,6 @@ from ._weak_form import WeakForm
 from ._weighing import Weighing
 
 _STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as none.
-
 _MOST_SUBSTEPS: Final = 16
 _STATES: Final = 64  # Of those that windows start from: where the scale of the inertia is looked at.
 _FALLING: Final = 0.02  # One that is more than noise that is fitted, or loss that is given for evidence and back.
@@ -163,7 +164,7 @@ class LevenbergStage(AbstractStage):
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
-        judged = step.after if validation is None else validation
+        judged = step.after if validation is None or self.data.in_turn else validation
         state = state._replace(step=state.step + 1, model=model, damping=after.damping, substeps=substeps)
         if self.learns and state.step > self.plain:
             state = self._learned(state, step, np.asarray(theta, float), restore.corrections)
@@ -194,14 +195,7 @@ class LevenbergStage(AbstractStage):
         return self._concluded(state._replace(best=state.model, best_loss=loss))
 
     def rated(self, state: TrainingState) -> TrainingState:
-        """The state of another stage with the loss that its best model has here, and integration as fine as it needs.
-
-        Args:
-            state: State of training that ended before this stage began.
-
-        Returns:
-            The state.
-        """
+        """The last state of another stage, with its best model's loss here and integration as fine as it needs."""
         state = state._replace(model=cast(state.best, self.data.train.q.dtype), weighing=self._plain(state.best))
         while (finer := self._refined(state)) != state.substeps:
             state = state._replace(substeps=finer)
@@ -325,7 +319,12 @@ class LevenbergStage(AbstractStage):
         if self.margin is None or self.data.validation is None:
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
-        gained, why = gain(self.data, state.best, state.best_loss, before, objective)
+        if self.data.in_turn:
+            ours = self._contender(state, state.best, self._free(state.best, before), state.memory)
+            theirs = self._contender(state, before, freed(before), state.incumbent.memory)
+            gained, why = gain_in_turn(self.data, ours, theirs, objective)
+        else:
+            gained, why = gain(self.data, state.best, state.best_loss, before, objective)
         why += "" if math.isinf(gained) else f", more than {self.margin:+.3g} wanted"
         leaner = isinstance(self.begins, Without)
         fits, said = fits_better(self.data, state.best, before, objective) if leaner else (True, "")
@@ -334,6 +333,13 @@ class LevenbergStage(AbstractStage):
             also = "; frees friction's laws too, under learned priors" if freed_too else ""
             return state, f"kept ({why}{said}{also})"
         return self._undone(state), f"not kept ({why}{said})"
+
+    def _contender(
+        self, state: TrainingState, model: AbstractDynamics, corrections: int, priors: Relevance
+    ) -> Contender:
+        """A model that can be fitted to other windows."""
+        step = functools.partial(self.step, substeps=state.substeps, weighing=state.weighing, priors=priors)
+        return Contender(model, corrections, step, self.steps, self.config.damping)
 
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""

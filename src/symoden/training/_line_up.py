@@ -88,9 +88,9 @@ def line_up(
                 )
             )
         longer = longer_data(dataset, dynamics, data, config)
-        answered = first and energies_are_given(dynamics)
-        stages.extend(_further(dynamics, data, longer, config, answered=answered))
-        stages.extend(_growth(dataset, dynamics, [data, *longer][-1], config, after=len(stages)))
+        stages.extend(_further(dynamics, data, longer, config, answered=first and energies_are_given(dynamics)))
+        longest = [data, *longer][-1]._replace(in_turn=False)  # Thousands of numbers keep what they were taught.
+        stages.extend(_growth(dataset, dynamics, longest, config, after=len(stages)))
     return stages
 
 
@@ -216,7 +216,13 @@ def _further(
     # Else every part is given, and nothing is free before networks are.
     if stages or count_parameters(dynamics, corrections=judged):
         stages.extend(
-            whitened(each, name=f"longer windows {times}x", steps=again, margin=-CLEAR, learns=learns)
+            whitened(
+                each,
+                name=f"longer windows {times}x",
+                steps=again,
+                margin=-CHANCE if each.in_turn else -CLEAR,  # So many are no worse a judge than of other stages.
+                learns=learns,
+            )
             for times, each in zip(LONGER, longer, strict=False)
         )
     longest = longer[-1] if longer else data

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from symoden.mechanics import AbstractDynamics
 
-from ._data import Data
+from ._data import HARDLY_ANY, Data
 from ._flatten import cast
-from ._objective import AbstractObjective
+from ._objective import AbstractObjective, Batch
 from ._residuals import evaluate_loss, evaluate_residuals
 
 LOST: Final = 3.0
@@ -25,7 +25,6 @@ CLEAR: Final = 1.64
 
 _FAR = 0.1  # Share of a loss that chance does not take it to, where so many and so large a share of windows say so.
 _FEW, _MOSTLY = 3, 0.75
-_HARDLY_ANY: Final = 4  # Windows, whose number is then worth a word: their verdict is hardly one.
 _LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
 
 
@@ -44,23 +43,69 @@ def gain(
         objective: What errors count.
 
     Returns:
-        Standard errors as `compare` counts them, of the opposite sign, minus infinity where few windows are lost:
-        theirs tell little. Both losses and these.
+        Standard errors as `standard_errors` counts them, of the opposite sign, minus infinity where few windows are
+        lost: theirs tell little. Both losses and these.
     """
     gained = -compare(data, model, before, objective)
     windows = data.judged.ts.shape[0]
-    few = f" of {windows} window{'' if windows == 1 else 's'}" if windows <= _HARDLY_ANY else ""
-    size = f"{round(gained, 2) + 0.0:+.2f} standard errors{few}"
-    if math.isinf(gained):
-        size = "a tenth or less" if gained > 0 else "tenfold or more"
+    few = f" of {windows} window{'' if windows == 1 else 's'}" if windows <= HARDLY_ANY else ""
+    size = words_of(gained, few)
     other = evaluate_loss(before, objective, data.judged)
     if few and loss > LOST * other and math.isfinite(gained):
         gained, size = -math.inf, f"{size}, which hardly tell, but {LOST:g} times as much or more"
     return gained, f"validation loss {loss:.2g}, before {other:.2g}: {size}"
 
 
+def words_of(gained: float, few: str = "") -> str:
+    """What a model has gained.
+
+    Args:
+        gained: Standard errors.
+        few: Of how many windows, where that is worth a word.
+
+    Returns:
+        The words.
+    """
+    if math.isinf(gained):
+        return "a tenth or less" if gained > 0 else "tenfold or more"
+    return f"{round(gained, 2) + 0.0:+.2f} standard errors{few}"
+
+
 def compare(data: Data, model: AbstractDynamics, other: AbstractDynamics, objective: AbstractObjective) -> float:
     """By how many standard errors the validation loss of a model is above that of another; 0 if that is not known.
+
+    Args:
+        data: Windows to judge by.
+        model: The model.
+        other: The other one.
+        objective: What errors count.
+
+    Returns:
+        Standard errors as `standard_errors` counts them.
+    """
+    if data.validation is None:
+        return 0.0
+    here, there = (window_losses(each, objective, data.validation) for each in (model, other))
+    return standard_errors(here, there)
+
+
+def window_losses(model: AbstractDynamics, objective: AbstractObjective, windows: Batch) -> Float[np.ndarray, " W"]:
+    """Loss of every window.
+
+    Args:
+        model: The model.
+        objective: What errors count.
+        windows: Any windows.
+
+    Returns:
+        Mean of its squared residuals; not finite where a rollout diverges.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.mean(np.asarray(evaluate_residuals(model, objective, windows), float) ** 2, axis=(1, 2))
+
+
+def standard_errors(here: Float[np.ndarray, " W"], there: Float[np.ndarray, " W"]) -> float:
+    """By how many standard errors losses are above others, window against window.
 
     Of two models that the data do not tell apart the simpler one is to be preferred (the rule of one standard error
     of Breiman et al., 1984). But the losses of a few windows differ by more than their mean, so that their standard
@@ -70,21 +115,12 @@ def compare(data: Data, model: AbstractDynamics, other: AbstractDynamics, object
     standard errors are Student's, and are given as the normal deviate that is as unlikely.
 
     Args:
-        data: Windows to judge by.
-        model: The model.
-        other: The other one.
-        objective: What errors count.
+        here: Losses of windows.
+        there: Others.
 
     Returns:
-        Mean of the differences, window against window, relative to its standard error; infinite if it is tenfold.
+        Mean of the differences relative to its standard error; infinite if it is tenfold.
     """
-    if data.validation is None:
-        return 0.0
-    with np.errstate(over="ignore", invalid="ignore"):
-        here, there = (
-            np.mean(np.asarray(evaluate_residuals(each, objective, data.validation), float) ** 2, axis=(1, 2))
-            for each in (model, other)
-        )
     if not np.isfinite(here).all():
         return math.inf
     if not np.isfinite(there).all():

@@ -1,0 +1,100 @@
+"""Windows left out in turn: what judges models of few numbers where hardly any windows validate."""
+
+from collections.abc import Callable, Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from symoden.mechanics import AbstractDynamics
+
+from ._data import Data
+from ._flatten import Flattening
+from ._levenberg_marquardt import LevenbergState, LevenbergStep
+from ._objective import AbstractObjective, Batch
+from ._verdicts import standard_errors, window_losses, words_of
+
+_FOLDS: Final = 5
+_STALLED: Final = 0.01  # Relative decrease of the loss in a step that counts as none.
+_PATIENCE: Final = 2
+
+
+class Contender(NamedTuple):
+    """A model that can be fitted to other windows.
+
+    Attributes:
+        model: The model, fitted to all training windows.
+        corrections: Which kinds of them are free, as flags.
+        step: A step of Levenberg-Marquardt.
+        steps: How many of them at most.
+        damping: Of the first one.
+    """
+
+    model: AbstractDynamics
+    corrections: int
+    step: Callable[[LevenbergState, Flattening, Batch], tuple[LevenbergState, LevenbergStep]]
+    steps: int
+    damping: float
+
+    def refitted(self, windows: Batch) -> AbstractDynamics:
+        """The model fitted to these windows.
+
+        It goes on from where it is: another start may end in another basin, which says nothing of the laws that are
+        asked for. Of a few numbers that all of these windows determine nothing is left of what others have taught.
+
+        Args:
+            windows: What to fit.
+
+        Returns:
+            The model.
+        """
+        restore, theta = Flattening.of(self.model, corrections=self.corrections, dtype=windows.q.dtype)
+        state, stale = LevenbergState(theta, self.damping), 0
+        for _ in range(self.steps if theta.size else 0):
+            state, done = self.step(state, restore, windows)
+            stale = 0 if done.falls_by(_STALLED) else stale + 1
+            if stale == _PATIENCE:
+                break
+        return restore(state.theta)
+
+
+def gain_in_turn(data: Data, ours: Contender, theirs: Contender, objective: AbstractObjective) -> tuple[float, str]:
+    """By how many standard errors a model predicts windows that are left out better than another; and in words.
+
+    Both are fitted to four fifths of the training windows at a time, and judged by the others; the windows of
+    validation, which neither was fitted to, count as well.
+
+    Args:
+        data: The windows.
+        ours: The model.
+        theirs: The one before.
+        objective: What errors count.
+
+    Returns:
+        Standard errors as `standard_errors` counts them, of the opposite sign. Both losses and these.
+    """
+    assert data.validation is not None
+    here, there = (window_losses(each.model, objective, data.validation) for each in (ours, theirs))
+    for fitted, left_out in _folds(data.train):
+        losses = (window_losses(each.refitted(fitted), objective, left_out) for each in (ours, theirs))
+        here, there = (np.concatenate(pair) for pair in zip((here, there), losses, strict=True))
+    gained = -standard_errors(here, there)
+    loss, other = (float(np.mean(each)) for each in (here, there))
+    return (
+        gained,
+        f"a loss of {loss:.2g} over {len(here)} windows left out in turn, before {other:.2g}: {words_of(gained)}",
+    )
+
+
+def _folds(windows: Batch) -> Iterator[tuple[Batch, Batch]]:
+    """Windows without some in a row, and these.
+
+    So many of the others come twice that there are as many as before: another number would be another program.
+
+    Yields:
+        What to fit and what is left out.
+    """
+    every = np.arange(windows.ts.shape[0])
+    for left_out in np.array_split(every, min(_FOLDS, len(every))):
+        others = np.setdiff1d(every, left_out)
+        twice = others[np.linspace(0, len(others) - 1, len(left_out)).round().astype(int)]
+        yield windows.take(np.sort(np.concatenate([others, twice]))), windows.take(left_out)

@@ -1,0 +1,114 @@
+"""Where hardly any windows validate, models of few numbers are judged by windows that are left out in turn."""
+
+import dataclasses
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from symoden.data import Dataset, Trajectory
+from symoden.known import KnownParts
+from symoden.models import BlockConfig, ModelConfig
+from symoden.training import TrainingConfig, fit
+from symoden.training._data import hold_out, levenberg_data, longer_data
+from symoden.training._fit import _prepare
+from symoden.training._flatten import Flattening
+from symoden.training._left_out import Contender, _folds
+from symoden.training._levenberg_marquardt import levenberg_marquardt_step
+from symoden.training._objective import Batch
+
+CONSTANT = BlockConfig(constant=True)
+MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=(0.01,))
+CONFIG = TrainingConfig(validation=0.1, adam_steps=0, lm_substeps=2, relevance_steps=0)
+WEIGHT, VISCOUS, DRY = 9.0, 0.1, 0.5
+EQUATIONS = KnownParts(
+    mass_matrix=[[1.0]], potential_energy="-w*cos(q1)", input_matrix=[[1.0]], parameters={"w": 0.8 * WEIGHT}
+)
+
+
+@pytest.fixture(scope="module")
+def resting():
+    """A pendulum with dry friction that is pushed, swings and comes to rest, seen through noise."""
+    generator, step, fine = np.random.default_rng(0), 0.02, 20
+    ts = step * np.arange(200)
+    us = np.where(ts < 0.4, 12.0, 0.0)
+    q, v, path = 0.0, 0.0, []
+    for u in us:
+        path.append((q, v))
+        for _ in range(fine):
+            v += step / fine * (u - WEIGHT * np.sin(q) - VISCOUS * v - DRY * np.tanh(v / 0.02))
+            q += step / fine * v
+    seen = np.array(path) + [1e-3, 1e-2] * generator.standard_normal((len(ts), 2))
+    swing = Trajectory(name="swing", ts=ts, q=seen[:, :1], rates=seen[:, 1:], us=us[:, None])
+    return Dataset(name="rest", space="T1", train=(swing,), known=EQUATIONS)
+
+
+@pytest.fixture(scope="module")
+def prepared(resting):
+    """Its windows, the model and the stages."""
+    held = hold_out(resting, CONFIG)
+    stages, state = _prepare(resting, MODEL, CONFIG)[:2]
+    return held, state.model, stages
+
+
+@given(count=st.integers(2, 60))
+def test_every_window_is_left_out_once_and_as_many_are_fitted_as_before(count):
+    ts = jnp.arange(count, dtype=float)[:, None]
+    batch = Batch(ts=ts, q=ts[..., None], rates=ts[..., None], us=ts[..., None], start=jnp.zeros((count, 2)))
+    folds = list(_folds(batch))
+    assert np.concatenate([left_out.ts[:, 0] for _, left_out in folds]).tolist() == ts[:, 0].tolist()
+    for fitted, left_out in folds:
+        others = set(range(count)) - set(left_out.ts[:, 0].tolist())
+        assert set(fitted.ts[:, 0].tolist()) == others
+        assert fitted.ts.shape == ts.shape
+
+
+def test_dry_friction_is_found_though_the_windows_of_validation_rest(resting):
+    result = fit(resting, model=MODEL, config=CONFIG)
+    assert result.verdicts["friction"].startswith("kept (a loss of ")
+    assert "windows left out in turn" in result.verdicts["friction"]
+    found: Any = result.model
+    for speed in (0.5, 2.0):
+        q, v = jnp.zeros(1), jnp.array([speed])
+        assert found.dissipation_matrix(q, v)[0, 0] * speed == pytest.approx(VISCOUS * speed + DRY, rel=0.2)
+
+
+def test_what_left_out_windows_taught_is_forgotten(prepared):
+    held, model, _ = prepared
+    data = levenberg_data(held, model, CONFIG)
+
+    def step(state, restore, batch):
+        return levenberg_marquardt_step(state, restore, data.objective, batch)
+
+    fitted, _ = next(_folds(data.train))
+    restore, theta = Flattening.of(model, corrections=0)
+    found = [Contender(restore(start * theta), 0, step, 30, 1e-3).refitted(fitted) for start in (0.8, 1.0, 1.2)]
+    numbers = [np.asarray(Flattening.of(each, corrections=0)[1]) for each in found]
+    assert np.ptp(numbers, axis=0) == pytest.approx(0, abs=1e-3 * np.abs(numbers[0]).max())
+
+
+def test_it_is_for_given_energies_and_few_windows_of_validation(resting, prepared):
+    held, model, stages = prepared
+    data = levenberg_data(held, model, CONFIG)
+    assert data.in_turn
+    assert data.judged is data.train
+    assert [stage.data.in_turn for stage in stages if stage.name == "friction"] == [True]
+    assert not any(stage.data.in_turn for stage in stages if stage.name.startswith("growth"))
+    free = dataclasses.replace(resting, known=None)
+    assert not levenberg_data(held, _prepare(free, MODEL, CONFIG)[1].model, CONFIG).in_turn
+    longer = held.train[0].cut(1, len(held.train[0]) - 1, name="longer")
+    for enough in (dataclasses.replace(held, validation=(longer,)), dataclasses.replace(held, validation=())):
+        assert not levenberg_data(enough, model, CONFIG).in_turn
+
+
+def test_longer_windows_may_be_few_where_energies_are_given(prepared, resting):
+    held, model, _ = prepared
+    data = levenberg_data(held, model, CONFIG)
+    long = longer_data(held, model, data, CONFIG)
+    assert long
+    assert all(6 <= each.train.ts.shape[0] < 20 for each in long)
+    assert all(each.in_turn for each in long)
+    free = _prepare(dataclasses.replace(resting, known=None), MODEL, CONFIG)[1].model
+    assert not longer_data(held, free, data, CONFIG)
