@@ -1,9 +1,11 @@
 """What is said of bands, where no command's own test sees it."""
 
+import numpy as np
 import pytest
 
+from symoden.cli._tables import facts
 from symoden.cli._words import audit_words, band_words, certainty_words, hardly_judged
-from symoden.experiments import Audit, BandScore, Certainty
+from symoden.experiments import Audit, BandScore, Certainty, Inspection
 
 
 @pytest.mark.parametrize(("apart", "said"), [({"M": 0.01, "V": 0.02, "D": 0.2}, True), ({"M": 0.08, "V": 0.02}, False)])
@@ -92,3 +94,35 @@ def test_energy_that_is_not_accounted_for_is_named(residual, said):
         outside=0.0,
     )
     assert any("more than 25% of the energy" in line for line in audit_words("test", audit, "")) == said
+
+
+@pytest.mark.parametrize(
+    ("inertia", "coordinates", "given", "said"),
+    [
+        ((0.05, 0.28), 1, {}, True),
+        ((0.05, 0.09), 1, {}, False),
+        ((0.05, 0.28), 1, {"mass_matrix": "given"}, False),
+        ((0.05, 0.28), 2, {}, False),  # Of an arm it changes so.
+        (None, 1, {}, False),
+    ],
+)
+def test_an_inertia_that_no_rigid_body_has_is_named(inertia, coordinates, given, said):
+    found = Inspection(
+        space=f"T{coordinates}",
+        position_units=("rad",) * coordinates,
+        parameters=10,
+        active=10,
+        anchor="",
+        units={},
+        given=given,
+        identified={},
+        mass_matrix_eigenvalues=inertia,
+        dissipation_eigenvalues=None,
+        profiles=(),
+        friction=(),
+        velocities=None,
+        middle=np.zeros(coordinates),
+    )
+    words = dict(facts(found)).get("what bends M so", "")
+    assert bool(words) == said
+    assert not said or "5.6-fold" in words

@@ -135,7 +135,7 @@ def test_networks_are_not_asked_for_where_half_of_the_recordings_tell_nothing_of
     for bound, skipped in ((begun.best_loss * 1.01, False), (begun.best_loss * 0.99, True)):
         monkeypatch.setattr(_levenberg_stage, "FOUND", bound)
         after, report = growth.advance(begun)
-        assert (report.outcome == "the recordings tell too little of each other") == skipped
+        assert (report.outcome.startswith("what half of the recordings taught does not predict")) == skipped
         assert (after.step == 0) == skipped
         if skipped:
             assert eqx.tree_equal(after.best, cast(before.best, float))

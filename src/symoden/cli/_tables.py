@@ -11,6 +11,7 @@ from ._words import size_words
 
 _ROUNDING: Final = 1e-12
 _ANYWHERE: Final = "anywhere"
+_BENT: Final = 2.0
 
 
 def facts(found: Inspection) -> Iterator[tuple[str, str]]:
@@ -34,6 +35,22 @@ def facts(found: Inspection) -> Iterator[tuple[str, str]]:
             f"eigenvalues of {name} over the data's range",
             none if extremes is None else "{} to {}".format(*map(number, extremes)),
         )
+    if words := _bent_inertia(found):
+        yield "what bends M so", words
+
+
+def _bent_inertia(found: Inspection) -> str:
+    """What to say of a learned M that changes much along the only coordinate."""
+    if len(found.middle) > 1 or "mass_matrix" in found.given or found.mass_matrix_eigenvalues is None:
+        return ""
+    low, high = found.mass_matrix_eigenvalues
+    if high < _BENT * low:
+        return ""
+    return (
+        f"that of one rigid body is the same everywhere, and this one changes {number(high / low)}-fold: unless it "
+        "drives a linkage, an input that is no force (a thrust with an offset, a dead band, a target), that comes late, "
+        "or that was not logged does it"
+    )
 
 
 def tables(found: Inspection, certain: Certainty | None, config: RunConfig) -> Iterator[TableText]:

@@ -71,6 +71,11 @@ class Data(NamedTuple):
         """Windows that steps are chosen by."""
         return self.train if self.validation is None or self.in_turn else self.validation
 
+    @property
+    def hardly_validated(self) -> bool:
+        """Whether there are hardly any windows of validation."""
+        return self.validation is not None and self.validation.ts.shape[0] <= HARDLY_ANY
+
     def judging(self, dynamics: AbstractDynamics) -> "Data":
         """The same, judged by windows left out in turn where M and V are given and hardly any windows validate.
 
@@ -84,9 +89,8 @@ class Data(NamedTuple):
         Returns:
             The windows.
         """
-        few = self.validation is not None and self.validation.ts.shape[0] <= HARDLY_ANY
         enough = self.train.ts.shape[0] >= _FEWEST_IN_TURN
-        return self._replace(in_turn=few and enough and energies_are_given(dynamics))
+        return self._replace(in_turn=self.hardly_validated and enough and energies_are_given(dynamics))
 
     def validation_loss(self, model: AbstractDynamics, objective: AbstractObjective) -> float | None:
         """Loss on the validation windows, if there are any."""

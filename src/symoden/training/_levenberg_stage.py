@@ -294,7 +294,7 @@ class LevenbergStage(AbstractStage):
         if self.frees and not isinstance(self.begins, Without) and not self.corrections & ~freed(state.best):
             return "free already"
         if self._rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
-            return "the recordings tell too little of each other"
+            return "what half of the recordings taught does not predict the others, which were to judge"
         return ""
 
     def _learned(

@@ -220,7 +220,7 @@ def _further(
                 each,
                 name=f"longer windows {times}x",
                 steps=again,
-                margin=-CHANCE if each.in_turn else -CLEAR,  # So many are no worse a judge than of other stages.
+                margin=-CHANCE if each.hardly_validated else -CLEAR,  # Few windows never speak clearly.
                 learns=learns,
             )
             for times, each in zip(LONGER, longer, strict=False)
