@@ -48,8 +48,8 @@ def _bent_inertia(found: Inspection) -> str:
         return ""
     return (
         f"that of one rigid body is the same everywhere, and this one changes {number(high / low)}-fold: unless it "
-        "drives a linkage, an input that is no force (a thrust with an offset, a dead band, a target), that comes late, "
-        "or that was not logged does it"
+        "drives a linkage, an input that is no force (a thrust with an offset, a dead band, a target), that comes "
+        "late, or that was not logged does it"
     )
 
 
