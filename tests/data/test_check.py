@@ -223,6 +223,21 @@ def test_stamps_that_stand_still_ask_for_the_step_and_those_that_go_back_do_not(
         read_dataset(path)
 
 
+@pytest.mark.parametrize("first", [0, 100])
+def test_the_advised_rows_cut_a_clock_that_was_set_back(tmp_path, first):
+    log = arm(samples=900)
+    log[400:, 0] -= 3.0
+    log[700:, 0] -= 2.0
+    path = written(tmp_path, log)
+    described = path.read_text()
+    cut = f"rows = [[{first}, 400], [400, 700], [700, 900]]"
+    path.write_text(described.replace('files = ["', f'rows = [{first}]\nfiles = ["'))
+    (finding,) = (one for one in check_dataset(path).recordings[0].findings if one.kind == "time")
+    assert f"`{cut}`" in finding.advice
+    path.write_text(described.replace('files = ["', f'{cut}\nfiles = ["'))
+    assert [len(recording) for recording in read_dataset(path).train] == [400 - first, 300, 200]
+
+
 def test_missing_numbers_and_gaps_are_masked(tmp_path):
     log = arm()
     log[500:600, 4] = np.nan

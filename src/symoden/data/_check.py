@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,7 @@ from ._unreadable import Unreadable, without_unreadable
 from ._zeros import find_counted_zeros
 
 _ENDS = 2  # First and last rows of a recording, in which inputs are switched on and off.
+_FEW_CLOCKS = 8  # Times that one is set back; rows in another order are off more often.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,6 +214,9 @@ def _out_of_order(log: Log) -> list[Finding]:
     kinds = ((len(late) - doubles, "go back", "goes back"), (doubles, "stand still", "stands still"))
     what = ", ".join(f"{count} {one if count == 1 else several}" for count, several, one in kinds if count)
     said = "time stamp does" if len(late) == 1 else "time stamps do"
+    cuts = [int(row) for row in (log.rows[0], *log.rows[after], log.rows[-1] + 1)]
+    pieces = ", ".join(f"[{begin}, {end}]" for begin, end in pairwise(cuts))
+    rows = "`rows`" if doubles or len(late) > _FEW_CLOCKS else f"`rows = [{pieces}]`"
     first = f"first at {log.place(int(after[0]))}: {float(log.ts[after[0]])!r} after {float(log.ts[before[0]])!r}"
     return [
         Finding(
@@ -221,7 +226,7 @@ def _out_of_order(log: Log) -> list[Finding]:
             text=f"{len(late)} {said} not increase ({what}), {first}",
             advice="If the file holds several recordings, one after the other, name the column that tells them apart: "
             '`recording = "trial"`. Else sort the rows by time and keep one of each; if a clock was set back, cut the '
-            "file there by `rows`." + (f" {ROUNDED}" if doubles else ""),
+            f"file there by {rows}." + (f" {ROUNDED}" if doubles else ""),
             spans=tuple((float(log.ts[b]), float(log.ts[a])) for b, a in zip(before, after, strict=True))[:SHOWN_SPANS],
         )
     ]
