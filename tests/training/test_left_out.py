@@ -18,6 +18,7 @@ from symoden.training._flatten import Flattening
 from symoden.training._left_out import Contender, _folds
 from symoden.training._levenberg_marquardt import levenberg_marquardt_step
 from symoden.training._objective import Batch
+from symoden.training._residuals import evaluate_loss
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=(0.01,))
@@ -73,6 +74,16 @@ def test_dry_friction_is_found_though_the_windows_of_validation_rest(resting):
     for speed in (0.5, 2.0):
         q, v = jnp.zeros(1), jnp.array([speed])
         assert found.dissipation_matrix(q, v)[0, 0] * speed == pytest.approx(VISCOUS * speed + DRY, rel=0.2)
+
+
+def test_the_loss_of_what_is_found_is_that_of_validation(resting, prepared):
+    held, model, _ = prepared
+    config = dataclasses.replace(CONFIG, growth_steps=0)
+    result = fit(resting, model=MODEL, config=config)
+    data = levenberg_data(held, model, config)
+    expected, other = (evaluate_loss(result.model, data.objective, each) for each in (data.validation, data.train))
+    assert result.loss == pytest.approx(expected, rel=0.1)
+    assert result.loss != pytest.approx(other, rel=0.5)
 
 
 def test_what_left_out_windows_taught_is_forgotten(prepared):

@@ -69,7 +69,12 @@ class Data(NamedTuple):
     @property
     def judged(self) -> Batch:
         """Windows that steps are chosen by."""
-        return self.train if self.validation is None or self.in_turn else self.validation
+        return self.train if self.in_turn else self.held_out
+
+    @property
+    def held_out(self) -> Batch:
+        """Windows of validation; of training where there are none."""
+        return self.train if self.validation is None else self.validation
 
     @property
     def hardly_validated(self) -> bool:

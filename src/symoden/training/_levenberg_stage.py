@@ -112,7 +112,7 @@ class LevenbergStage(AbstractStage):
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
-        best = cast(self.begins.model(state, lambda model: self._loss(model, state.substeps)), dtype)
+        best = cast(self.begins.model(state, lambda each: self._loss(each, state.substeps, self.data.judged)), dtype)
         weighing = self._plain(best)
         loss = state.best_loss
         if self._rivalled or (self.margin is not None and self._is_below(EXPLAINED, loss)):  # In these windows, too?
@@ -199,7 +199,7 @@ class LevenbergStage(AbstractStage):
         state = state._replace(model=cast(state.best, self.data.train.q.dtype), weighing=self._plain(state.best))
         while (finer := self._refined(state)) != state.substeps:
             state = state._replace(substeps=finer)
-        return state._replace(best_loss=self._loss(state.model, state.substeps))
+        return state._replace(best_loss=self._loss(state.model, state.substeps, self.data.held_out))
 
     def step(
         self,
@@ -278,10 +278,10 @@ class LevenbergStage(AbstractStage):
         """Which kinds of corrections that are, as flags."""
         return self.corrections | self.begins.free(model, before)
 
-    def _loss(self, model: AbstractDynamics, substeps: int) -> float:
-        """Loss by which models are chosen, all errors counting alike."""
+    def _loss(self, model: AbstractDynamics, substeps: int, windows: Batch) -> float:
+        """Loss on windows, all errors counting alike."""
         model = cast(model, self.data.train.q.dtype)
-        return evaluate_loss(model, self.objective(substeps, self._plain(model)), self.data.judged)
+        return evaluate_loss(model, self.objective(substeps, self._plain(model)), windows)
 
     def _plain(self, model: AbstractDynamics) -> Weighing:
         """All errors count alike."""
