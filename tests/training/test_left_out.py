@@ -15,10 +15,11 @@ from symoden.training import TrainingConfig, fit
 from symoden.training._data import hold_out, levenberg_data, longer_data
 from symoden.training._fit import _prepare
 from symoden.training._flatten import Flattening
-from symoden.training._left_out import Contender, _folds
+from symoden.training._left_out import Contender, _folds, gain_in_turn
 from symoden.training._levenberg_marquardt import levenberg_marquardt_step
 from symoden.training._objective import Batch
 from symoden.training._residuals import evaluate_loss
+from symoden.training._verdicts import CHANCE, CLEAR
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=(0.01,))
@@ -50,6 +51,7 @@ def resting():
 def prepared(resting):
     """Its windows, the model and the stages."""
     held = hold_out(resting, CONFIG)
+    stages: list[Any]
     stages, state = _prepare(resting, MODEL, CONFIG)[:2]
     return held, state.model, stages
 
@@ -76,12 +78,43 @@ def test_dry_friction_is_found_though_the_windows_of_validation_rest(resting):
         assert found.dissipation_matrix(q, v)[0, 0] * speed == pytest.approx(VISCOUS * speed + DRY, rel=0.2)
 
 
+def test_steps_are_chosen_by_the_training_loss(prepared):
+    _, model, stages = prepared
+    (stage,) = (each for each in stages if each.name == "friction")
+    state = _prepare(prepared[0], MODEL, CONFIG)[1]._replace(best=model, best_loss=1.0, substeps=2)
+    state = stage.start(state)
+    for _ in range(3):
+        state, report = stage.advance(state)
+        assert state.best_loss == pytest.approx(report.loss, rel=1e-6)
+        assert state.best_loss != pytest.approx(report.validation, rel=0.1)
+
+
+def test_both_models_are_fitted_to_what_is_not_left_out(prepared):
+    held, model, _ = prepared
+    data = levenberg_data(held, model, CONFIG)
+    seen = []
+
+    def step(state, restore, batch):
+        seen.append(set(np.asarray(batch.start[:, 0]).tolist()))
+        return levenberg_marquardt_step(state, restore, data.objective, batch)
+
+    contender = Contender(model, 0, step, 1, 1e-3)
+    gained, why = gain_in_turn(data, contender, contender, data.objective)
+    assert gained == 0
+    starts, count = np.asarray(data.train.start[:, 0]).tolist(), len(data.train.ts) + len(data.held_out.ts)
+    parts = [set(part.tolist()) for part in np.array_split(starts, 5)]
+    assert seen == [set(starts) - part for part in parts for _ in "12"]
+    fold = evaluate_loss(model, data.objective, data.train)
+    assert f"over {count} windows left out in turn" in why
+    assert f"a loss of {fold:.2g} " not in why  # What was fitted is another model.
+
+
 def test_the_loss_of_what_is_found_is_that_of_validation(resting, prepared):
     held, model, _ = prepared
     config = dataclasses.replace(CONFIG, growth_steps=0)
     result = fit(resting, model=MODEL, config=config)
     data = levenberg_data(held, model, config)
-    expected, other = (evaluate_loss(result.model, data.objective, each) for each in (data.validation, data.train))
+    expected, other = (evaluate_loss(result.model, data.objective, each) for each in (data.held_out, data.train))
     assert result.loss == pytest.approx(expected, rel=0.1)
     assert result.loss != pytest.approx(other, rel=0.5)
 
@@ -106,11 +139,17 @@ def test_it_is_for_given_energies_and_few_windows_of_validation(resting, prepare
     assert data.in_turn
     assert data.judged is data.train
     assert [stage.data.in_turn for stage in stages if stage.name == "friction"] == [True]
-    assert not any(stage.data.in_turn for stage in stages if stage.name.startswith("growth"))
+    networked = dataclasses.replace(MODEL, friction=BlockConfig(hidden=(3,), constant=True))
+    growth: list[Any] = [stage for stage in _prepare(resting, networked, CONFIG)[0] if stage.name == "growth"]
+    assert [stage.data.in_turn for stage in growth] == [False]
+    assert {stage.margin for stage in stages if stage.name.startswith("longer windows")} == {-CHANCE}
     free = dataclasses.replace(resting, known=None)
     assert not levenberg_data(held, _prepare(free, MODEL, CONFIG)[1].model, CONFIG).in_turn
-    longer = held.train[0].cut(1, len(held.train[0]) - 1, name="longer")
-    for enough in (dataclasses.replace(held, validation=(longer,)), dataclasses.replace(held, validation=())):
+    size = len(held.validation[0])
+    pieces = tuple(held.train[0].cut(size * k, size * (k + 1), name=f"piece{k}") for k in range(5))
+    many: list[Any] = _prepare(dataclasses.replace(held, validation=pieces), MODEL, CONFIG)[0]
+    assert {stage.margin for stage in many if stage.name.startswith("longer windows")} == {-CLEAR}
+    for enough in (dataclasses.replace(held, validation=pieces), dataclasses.replace(held, validation=())):
         assert not levenberg_data(enough, model, CONFIG).in_turn
 
 
