@@ -149,7 +149,7 @@ def test_the_loss_is_that_of_validation_whoever_judged_networks(pendulum, small,
     assert "not kept" in result.verdicts["growth"]
     last: Any = _prepare(dataset, small, config)[0][-1]
     parted: Any = _prepare(dataset, small, config)[0][-2]
-    losses = [each._loss(result.model, result.substeps) for each in (last, parted)]
+    losses = [each._loss(result.model, result.substeps, each.data.judged) for each in (last, parted)]
     assert result.loss == pytest.approx(losses[0], rel=1e-3)
     assert result.loss != pytest.approx(losses[1], rel=1e-3)
 
