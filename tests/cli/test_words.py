@@ -1,5 +1,7 @@
 """What is said of bands, where no command's own test sees it."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -104,6 +106,8 @@ def test_energy_that_is_not_accounted_for_is_named(residual, said):
         ((0.05, 0.28), 1, {"mass_matrix": "given"}, False),
         ((0.05, 0.28), 2, {}, False),  # Of an arm it changes so.
         (None, 1, {}, False),
+        ((0.0, 0.28), 1, {}, False),
+        ((math.nan, math.nan), 1, {}, False),
     ],
 )
 def test_an_inertia_that_no_rigid_body_has_is_named(inertia, coordinates, given, said):

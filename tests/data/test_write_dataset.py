@@ -54,6 +54,13 @@ def test_a_data_set_survives_being_written_and_read(tmp_path_factory, n, m, mome
                 np.testing.assert_allclose(getattr(ours, array), getattr(theirs, array), atol=1e-12)
 
 
+@pytest.mark.parametrize("unit", ["rad", "m", ""])
+def test_the_unit_of_a_single_coordinate_is_written(tmp_path, unit):
+    data = Dataset(name="d", space="R1", train=(recording("a", n=1),), position_units=(unit,))
+    write_dataset(tmp_path / "d.toml", data)
+    assert read_dataset(tmp_path / "d.toml").position_units == (unit,)
+
+
 def test_what_the_space_does_not_tell_of_units_is_written(tmp_path):
     units = ("rad", "m", "", "rad")
     data = Dataset(name="d", space="R3 T1", train=(recording("a", n=4),), position_units=units)

@@ -46,6 +46,11 @@ def test_what_is_neither_is_refused():
         read_source("pendulm")
 
 
+def test_lengths_of_a_task_can_be_told_to_be_angles():
+    assert read_source("cartpole", trajectories=2).dataset.position_units == ("m", "rad")
+    assert read_source("cartpole", space="T2", trajectories=2).dataset.position_units == ("rad", "rad")
+
+
 def test_a_space_of_another_size_is_refused(described):
     with pytest.raises(DataError, match="the space `T2` has 2 coordinates, the recordings have 1"):
         read_source("pendulum", space="T2")

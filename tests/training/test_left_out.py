@@ -160,5 +160,7 @@ def test_longer_windows_may_be_few_where_energies_are_given(prepared, resting):
     assert long
     assert all(6 <= each.train.ts.shape[0] < 20 for each in long)
     assert all(each.in_turn for each in long)
+    for samples in (20, 40, 60):  # Of thinned ones fewer than six are left.
+        assert not longer_data(held, model, data, dataclasses.replace(CONFIG, lm_samples=samples))
     free = _prepare(dataclasses.replace(resting, known=None), MODEL, CONFIG)[1].model
     assert not longer_data(held, free, data, CONFIG)

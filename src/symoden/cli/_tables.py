@@ -1,5 +1,6 @@
 """What a model learned, as lines and tables."""
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
@@ -44,7 +45,7 @@ def _bent_inertia(found: Inspection) -> str:
     if len(found.middle) > 1 or "mass_matrix" in found.given or found.mass_matrix_eigenvalues is None:
         return ""
     low, high = found.mass_matrix_eigenvalues
-    if high < _BENT * low:
+    if not 0 < _BENT * low <= high < math.inf:
         return ""
     return (
         f"that of one rigid body is the same everywhere, and this one changes {number(high / low)}-fold: unless it "

@@ -54,7 +54,8 @@ def write_dataset(path: Path | str, dataset: Dataset) -> None:
         for recording in recordings:
             _write_recording(path.with_suffix("") / part / f"{recording.name}.npz", recording, momenta=dataset.momenta)
     known = zip(dataset.position_units, angles_of(path, dataset.space), strict=True)
-    units = [f'"q[{i}]" = "{unit}"' for i, (unit, angle) in enumerate(known) if unit and not angle]
+    column = "q" if dataset.size == 1 else "q[{}]"  # As a table names them.
+    units = [f'"{column.format(i)}" = "{unit}"' for i, (unit, angle) in enumerate(known) if unit and not angle]
     lines = [
         f"space = {json.dumps(dataset.space)}",
         'time = "t"',

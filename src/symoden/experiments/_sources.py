@@ -67,7 +67,8 @@ def read_source(
             raise ValueError(f"A number of trajectories and noise are for tasks only; got the data set `{name}`.")
         return Source(name=name, dataset=read_dataset(Path(name), space=space), seed=seed)
     data = simulate_variant(TASKS[name], seed=seed, trajectories=trajectories, noise=noise)
-    dataset = data.dataset if space is None else dataclasses.replace(data.dataset, space=space)
+    # A task's lengths may be told to be angles, so that its units are those of the space.
+    dataset = data.dataset if space is None else dataclasses.replace(data.dataset, space=space, position_units=())
     return Source(name=name, dataset=dataset, seed=seed, task=TASKS[name], prediction=data.prediction)
 
 

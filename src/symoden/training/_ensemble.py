@@ -315,7 +315,7 @@ class _Member:
             )
             # Learned priors keep from fitting noise; else the validation windows tell when to stop, as in training.
             judged = done.after
-            if data.validation is not None and not stage.learns:
+            if data.validation is not None and not data.in_turn and not stage.learns:
                 judged = self._loss(np.asarray(state.theta), data.validation)
             stale = 0 if stage.gains(done, judged, least) else stale + 1
             if judged < least:

@@ -319,12 +319,13 @@ class LevenbergStage(AbstractStage):
         if self.margin is None or self.data.validation is None:
             return state, ""
         objective = self.objective(state.substeps, state.weighing)
-        if self.data.in_turn:
+        if self.data.in_turn and (self.frees or self.learns):  # Else both would be fitted to the same end.
             ours = self._contender(state, state.best, self._free(state.best, before), state.memory)
             theirs = self._contender(state, before, freed(before), state.incumbent.memory)
             gained, why = gain_in_turn(self.data, ours, theirs, objective)
         else:
-            gained, why = gain(self.data, state.best, state.best_loss, before, objective)
+            loss = evaluate_loss(state.best, objective, self.data.held_out)
+            gained, why = gain(self.data, state.best, loss, before, objective)
         why += "" if math.isinf(gained) else f", more than {self.margin:+.3g} wanted"
         leaner = isinstance(self.begins, Without)
         fits, said = fits_better(self.data, state.best, before, objective) if leaner else (True, "")

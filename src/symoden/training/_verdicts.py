@@ -47,10 +47,10 @@ def gain(
         lost: theirs tell little. Both losses and these.
     """
     gained = -compare(data, model, before, objective)
-    windows = data.judged.ts.shape[0]
+    windows = data.held_out.ts.shape[0]
     few = f" of {windows} window{'' if windows == 1 else 's'}" if windows <= HARDLY_ANY else ""
     size = words_of(gained, few)
-    other = evaluate_loss(before, objective, data.judged)
+    other = evaluate_loss(before, objective, data.held_out)
     if few and loss > LOST * other and math.isfinite(gained):
         gained, size = -math.inf, f"{size}, which hardly tell, but {LOST:g} times as much or more"
     return gained, f"validation loss {loss:.2g}, before {other:.2g}: {size}"
