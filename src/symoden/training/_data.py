@@ -319,15 +319,14 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
             break
         blind = dataclasses.replace(dataset, validation=())
         long = _data(blind, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
-        if _thinned(long, config.lm_samples).train.ts.shape[0] < fewest:
-            break
         if dataset.validation:
             steps = min(horizon, _usual_steps(dataset.validation, horizon))
-            judged = _cut(dataset.validation, steps, stride=steps, dtype=jnp.float64)
-            long = _thinned(long._replace(validation=judged), config.lm_samples).judging(dynamics)
-            if judged.ts.shape[0] == 1 and not long.in_turn:  # It could not speak against them.
-                break
-        found.append(_free_starts(_thinned(long, config.lm_samples), dataset))
+            long = long._replace(validation=_cut(dataset.validation, steps, stride=steps, dtype=jnp.float64))
+        long = _thinned(long, config.lm_samples).judging(dynamics)
+        alone = long.validation is not None and long.validation.ts.shape[0] == 1 and not long.in_turn
+        if long.train.ts.shape[0] < fewest or alone:  # A single window could not speak against them.
+            break
+        found.append(_free_starts(long, dataset))
     return found
 
 

@@ -49,7 +49,7 @@ class Contender(NamedTuple):
         """
         restore, theta = Flattening.of(self.model, corrections=self.corrections, dtype=windows.q.dtype)
         state, stale = LevenbergState(theta, self.damping), 0
-        for _ in range(self.steps if theta.size else 0):
+        for _ in range(self.steps):
             state, done = self.step(state, restore, windows)
             stale = 0 if done.falls_by(_STALLED) else stale + 1
             if stale == _PATIENCE:

@@ -324,7 +324,8 @@ class LevenbergStage(AbstractStage):
             theirs = self._contender(state, before, freed(before), state.incumbent.memory)
             gained, why = gain_in_turn(self.data, ours, theirs, objective)
         else:
-            loss = evaluate_loss(state.best, objective, self.data.held_out)
+            chosen = self.data.in_turn  # By the training windows.
+            loss = evaluate_loss(state.best, objective, self.data.held_out) if chosen else state.best_loss
             gained, why = gain(self.data, state.best, loss, before, objective)
         why += "" if math.isinf(gained) else f", more than {self.margin:+.3g} wanted"
         leaner = isinstance(self.begins, Without)

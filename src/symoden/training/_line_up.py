@@ -139,24 +139,7 @@ def _further(
     regression: bool = False,
     answered: bool = False,
 ) -> list[LevenbergStage]:
-    """Corrections: of inertia, inputs and V; friction's laws, directions, and what of all that is needed.
-
-    Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
-    g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
-    where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
-    turn, if refused, are asked for once more (`_actuation_anew`). Where M and V are given a regression is linear in g
-    and, but for knees, in friction: of inputs that turn and of directions its answer stands (`answered`). On six joints
-    rollouts take minutes to ask again.
-
-    The same goes for a V that is no polynomial of lengths, or has more than an angle's first harmonics: the network of
-    lengths, and the series of single angles, are asked for early. On angles networks come last, since harmonics hold
-    what rigid bodies have, and cogging; a series that was refused stays closed then.
-
-    A V that was set free takes up what friction does, and leaves none to be found: the laws are asked for once more in
-    the place of its correction, and stay if validation gains at all, since they are fewer numbers and only take energy.
-
-    If V's was refused, it is asked for once more together with friction's laws: of a drive with cogging and dry
-    friction, either alone bends to take up what the other leaves.
+    """What is asked for one by one (`_asked`), what of all that is needed, and longer windows.
 
     Where priors are learned, friction's laws are free whatever was said of them before: a few windows of validation
     refuse dry friction that is there. What they refused begins with narrow priors, which the evidence must widen.
@@ -168,42 +151,17 @@ def _further(
 
     What comes after longer windows goes by the longest: short ones would undo what these find.
 
-    Errors are not whitened where anything is set free: what a block has not learned yet is no noise, and must count in
-    full.
-
-    More than `MOST_PARAMETERS` are too many: harmonics of g then stay closed, and priors as wide as they are. In a
-    regression friction's laws stay closed on fewer than three coordinates.
+    More than `MOST_PARAMETERS` are too many: priors then stay as wide as they are.
 
     Returns:
         The stages.
     """
     grow, learn = config.growth_steps, config.relevance_steps
-    fits = functools.partial(_fits, dynamics)
-
-    def has(kind: int) -> bool:
-        return grow > 0 and _has(dynamics, kind)
-
-    rubs = has(FRICTION) and (not regression or dynamics.space.size >= _MANY)
-    judged = FRICTION if rubs else 0
-    learns = learn > 0 and fits(judged)
-    turns = has(ACTUATION) and not answered and fits(judged | DIRECTIONS | ACTUATION)
-    bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
+    judged = _laws(dynamics, config, regression=regression)
+    learns = learn > 0 and _fits(dynamics, judged)
     of = "regression: " if regression else ""
-    further = functools.partial(LevenbergStage, data, config, steps=grow, frees=True, margin=CLEAR)
-    instead = rubs and bends and data.validation is not None  # Without, it would be kept whatever it is.
-    asked = (
-        (has(INERTIA) and fits(judged | DIRECTIONS | INERTIA), further(of + "inertia", corrections=INERTIA)),
-        (turns, further(of + "actuation", corrections=ACTUATION)),
-        (bends, further(of + "potential", corrections=POTENTIAL)),
-        (rubs, further(of + "friction", corrections=FRICTION, margin=CHANCE)),
-        (instead, further(of + "friction instead", corrections=FRICTION, begins=Without(POTENTIAL), margin=0.0)),
-        (
-            rubs and bends,
-            further(of + "potential and friction", corrections=POTENTIAL | FRICTION, unless=POTENTIAL),
-        ),
-        (rubs and has(DIRECTIONS) and not answered, further(of + "directions", corrections=FRICTION | DIRECTIONS)),
-    )
-    stages = [stage for sensible, stage in asked if sensible]
+    stages = _asked(dynamics, data, config, regression=regression, answered=answered)
+    turns = any(stage.corrections & ACTUATION for stage in stages)
     whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
     if learns:
         stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-CHANCE, learns=True))
@@ -229,6 +187,69 @@ def _further(
     if learns:
         stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=CLEAR))
     return stages
+
+
+def _asked(
+    dynamics: AbstractDynamics, data: Data, config: TrainingConfig, *, regression: bool, answered: bool
+) -> list[LevenbergStage]:
+    """Corrections that are asked for one by one: of inertia, inputs and V; friction's laws, and directions.
+
+    Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
+    g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
+    where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
+    turn, if refused, are asked for once more (`_actuation_anew`). Where M and V are given a regression is linear in g
+    and, but for knees, in friction: of inputs that turn and of directions its answer stands (`answered`). On six joints
+    rollouts take minutes to ask again.
+
+    The same goes for a V that is no polynomial of lengths, or has more than an angle's first harmonics: the network of
+    lengths, and the series of single angles, are asked for early. On angles networks come last, since harmonics hold
+    what rigid bodies have, and cogging; a series that was refused stays closed then.
+
+    A V that was set free takes up what friction does, and leaves none to be found: the laws are asked for once more in
+    the place of its correction, and stay if validation gains at all, since they are fewer numbers and only take energy.
+
+    If V's was refused, it is asked for once more together with friction's laws: of a drive with cogging and dry
+    friction, either alone bends to take up what the other leaves.
+
+    Errors are not whitened where anything is set free: what a block has not learned yet is no noise, and must count in
+    full.
+
+    More than `MOST_PARAMETERS` are too many: harmonics of g then stay closed.
+
+    Returns:
+        The stages.
+    """
+
+    def has(kind: int) -> bool:
+        return config.growth_steps > 0 and _has(dynamics, kind)
+
+    judged = _laws(dynamics, config, regression=regression)
+    fits = functools.partial(_fits, dynamics)
+    rubs = judged > 0
+    turns = has(ACTUATION) and not answered and fits(judged | DIRECTIONS | ACTUATION)
+    bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
+    of = "regression: " if regression else ""
+    further = functools.partial(LevenbergStage, data, config, steps=config.growth_steps, frees=True, margin=CLEAR)
+    instead = rubs and bends and data.validation is not None  # Without, it would be kept whatever it is.
+    asked = (
+        (has(INERTIA) and fits(judged | DIRECTIONS | INERTIA), further(of + "inertia", corrections=INERTIA)),
+        (turns, further(of + "actuation", corrections=ACTUATION)),
+        (bends, further(of + "potential", corrections=POTENTIAL)),
+        (rubs, further(of + "friction", corrections=FRICTION, margin=CHANCE)),
+        (instead, further(of + "friction instead", corrections=FRICTION, begins=Without(POTENTIAL), margin=0.0)),
+        (
+            rubs and bends,
+            further(of + "potential and friction", corrections=POTENTIAL | FRICTION, unless=POTENTIAL),
+        ),
+        (rubs and has(DIRECTIONS) and not answered, further(of + "directions", corrections=FRICTION | DIRECTIONS)),
+    )
+    return [stage for sensible, stage in asked if sensible]
+
+
+def _laws(dynamics: AbstractDynamics, config: TrainingConfig, *, regression: bool) -> int:
+    """Friction's laws where they are asked for, as flags; in a regression not on fewer than three coordinates."""
+    rubs = config.growth_steps > 0 and _has(dynamics, FRICTION)
+    return FRICTION if rubs and (not regression or dynamics.space.size >= _MANY) else 0
 
 
 def _growth(
