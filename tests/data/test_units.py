@@ -78,6 +78,17 @@ def test_a_column_of_a_variable_has_its_own_unit(tmp_path):
         np.testing.assert_allclose(run.rates, v, atol=1e-12)
 
 
+def test_a_column_is_one_that_its_variable_has(tmp_path):
+    np.savez(tmp_path / "a.npz", t=np.arange(9) / 10, q=np.sin(np.arange(9) / 10))
+    text = 'space = "T1"\ntime = "t"\npositions = "q"\nunits = {{ "{}" = 0.1 }}\n[train]\nfiles = ["a.npz"]\n'
+    path = tmp_path / "d.toml"
+    path.write_text(text.format("q[0]"))
+    np.testing.assert_allclose(read_dataset(path).train[0].q[:, 0], 0.1 * np.sin(np.arange(9) / 10))
+    path.write_text(text.format("q[1]"))
+    with pytest.raises(DataError, match=r"`units` must name columns that are read, `t, q`; got `q\[1\]`"):
+        read_dataset(path)
+
+
 def test_degrees_are_unwrapped_as_angles(tmp_path):
     t = np.linspace(0.0, 2.0, 201)
     q = np.stack([10 * t, -7 * t], axis=1)

@@ -9,7 +9,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from ._errors import nearest
+from ._errors import DataError, listing, nearest
 from ._readers import Rows, Selector, names_in, variable_of
 
 T = TypeVar("T")
@@ -209,9 +209,14 @@ def in_si(rows: Rows, units: Mapping[str, float], zeros: Mapping[str, float]) ->
 
     Returns:
         The rows in SI and rad.
+
+    Raises:
+        DataError: If a column is named that its variable does not have.
     """
     if not units and not zeros:
         return rows
+    _refuse_absent(rows, "units", units)
+    _refuse_absent(rows, "zeros", zeros)
     with np.errstate(over="ignore"):  # What becomes infinite is no number of a machine, and is left out as such.
         signals = {
             role: (signal - _each(rows.names[role], zeros, 0.0)) * _each(rows.names[role], units, 1.0)
@@ -229,8 +234,24 @@ def of_column(name: str, units: Mapping[str, T]) -> T | None:
 
     Returns:
         The entry; None if there is none.
+
+    Example:
+        >>> of_column("q[1]", {"q": 0.1}), of_column("q", {"q[0]": 0.1}), of_column("q", {"v": 0.1})
+        (0.1, 0.1, None)
     """
-    return units.get(name, units.get(variable_of(name)))
+    only = f"{name}[0]"  # Of a variable of one column.
+    return units.get(name, units.get(variable_of(name), units.get(only)))
+
+
+def _refuse_absent(rows: Rows, key: str, given: Iterable[str]) -> None:
+    """Refuse to say something of columns that a variable does not have, as of `q[2]` where `q` has two."""
+    names = [name for every in rows.names.values() for name in every]
+    for column in given:
+        if not any(of_column(name, {column: True}) for name in names):
+            raise DataError(
+                f"`{rows.path}`: `{key}` must name columns that are read, {listing(names)}; got `{column}`. "
+                "Columns are counted from 0."
+            )
 
 
 def _each(names: tuple[str, ...], given: Mapping[str, float], default: float) -> np.ndarray:
