@@ -85,6 +85,21 @@ def test_what_is_held_out_moves_where_a_recording_ends_at_rest(rests):
     assert [len(part) for part in split.train] == [255, 255, 255]
 
 
+@given(st.floats(0.2, 3.0))
+def test_what_is_held_out_of_a_swing_that_dies_out_still_moves(decay):
+    ts = 0.02 * np.arange(500)
+    swing = np.exp((-decay + 6j) * ts)
+    run = Trajectory(
+        name="swing", ts=ts, q=swing.real[:, None], rates=((-decay + 6j) * swing).real[:, None], us=np.zeros((500, 0))
+    )
+    split = split_validation(Dataset(name="swing", space="T1", train=(run,)), 0.1, min_samples=10)
+    (held,) = split.validation
+    usual, kept = (np.sqrt(np.mean(rates**2)) for rates in (run.rates, split.train[0].rates))
+    assert np.sqrt(np.mean(held.rates**2)) > 0.15 * usual
+    assert kept > 0.9 * usual  # Most of the large motion is left to learn from.
+    assert sum(map(len, split.train + split.validation)) == len(run)
+
+
 def test_given_validation_recordings_stay():
     dataset = Dataset(name="arm", space="R1", train=(recording(30, "a"),), validation=(recording(40, "b"),))
     assert split_validation(dataset) is dataset

@@ -15,8 +15,8 @@ from ._trajectory import Trajectory
 
 _SHOWN = 10
 _TAIL = "#tail"  # Of a recording's name, that its end has.
-_REST = "#rest"  # What follows that, where nothing moves any more.
-_AT_REST = 0.1  # Of a recording's root mean square speed.
+_REST = "#rest"  # What follows that, where hardly anything moves.
+_HARDLY = 0.3  # Of a recording's root mean square speed: what moves by less tells little of what moves more.
 _OF_MOTION = 4  # One part in so many of what moves is held out at most, where a recording ends at rest.
 _MANY = 10  # From so many groups on, whole groups are held out rather than the ends of recordings.
 
@@ -60,7 +60,7 @@ def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: i
     Where there are many, whole trajectories are held out, evenly spread over the data set; those with the same first
     state (one initial condition under several inputs) stay together, since they resemble each other. Of fewer than 10
     such groups each recording gives its end, unless all are too short for that. Where most ends are at
-    rest, as after steps, such a recording gives the end of what moves.
+    rest or nearly so, as after steps or where a swing dies out, such a recording gives the end of what moves.
 
     Args:
         dataset: Data set; one that has validation recordings is returned as it is.
@@ -156,8 +156,9 @@ def _without_tails(
 ) -> list[tuple[list[Trajectory], list[Trajectory]]]:
     """Split the end off every recording, unless a part would be too short.
 
-    Any model that rests where the mechanism does predicts an end at rest, as recordings of steps have it. Where most
-    ends are such, these recordings give the end of what moves; else they keep all their motion to learn from.
+    Any model that rests where the mechanism does predicts an end at rest, as recordings of steps have it, and where a
+    swing has died out friction hardly tells. Where most ends are such, these recordings give the end of what moves;
+    else they keep all their motion to learn from.
 
     Returns:
         For each what is left of it, and what is held out.
@@ -202,10 +203,10 @@ def _cut_off(trajectory: Trajectory, count: int, least: int, end: int) -> tuple[
 
 
 def _moves_until(trajectory: Trajectory, count: int) -> int:
-    """Number of samples before all is at rest for good, to a quarter of `count` samples."""
+    """Number of samples before all is at rest for good or hardly moves, to a quarter of `count` samples."""
     usual = np.sqrt(np.mean(trajectory.rates**2, axis=0))
     block = max(1, count // 4)
     ends = np.arange(len(trajectory), block - 1, -block)
     energy = np.concatenate([np.zeros((1, len(usual))), np.cumsum(trajectory.rates**2, axis=0)])
     speeds = np.sqrt(np.maximum(energy[ends] - energy[ends - block], 0.0) / block)
-    return int(ends[np.argmax((speeds > _AT_REST * usual).any(axis=1))])
+    return int(ends[np.argmax((speeds > _HARDLY * usual).any(axis=1))])
