@@ -17,6 +17,7 @@ from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
 from ._feedback import find_feedback
 from ._findings import SHOWN_SPANS, Finding, refusal
+from ._hold import find_other_hold
 from ._input_signs import find_input_signs
 from ._kinematics import AGREES
 from ._late_inputs import find_late_inputs
@@ -168,7 +169,8 @@ def _assembled(
         check_trainable(dataset)
     except DataError as error:
         return [refusal(error)]
-    inputs = *find_feedback(dataset, is_angle), *find_late_inputs(dataset, description.input_delay, is_angle)
+    late = find_late_inputs(dataset, description.input_delay, is_angle)
+    inputs = *find_feedback(dataset, is_angle), *(late or find_other_hold(dataset, is_angle))
     signs = find_input_signs(dataset, description, is_angle)
     return [*find_copies(logs), *find_short(dataset), *find_fast_sampling(dataset, is_angle), *inputs, *signs]
 
