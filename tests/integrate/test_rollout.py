@@ -101,7 +101,7 @@ def by_scipy(system, q0, v0, ts, us, *, linear):
 @pytest.mark.parametrize("system", [CartPole(pole_damping=0.05), Acrobot()], ids=lambda system: type(system).__name__)
 def test_a_rollout_at_irregular_times_is_scipy_s(system, hold):
     q0, v0 = jnp.array([0.3, 2.5]), jnp.array([-0.5, 1.0])
-    path = simulate(system, q0, v0, IRREGULAR, US, TIGHT, HOLDS[hold])
+    path = simulate(system, q0, v0, IRREGULAR, US, TIGHT, hold)
     expected = by_scipy(system, q0, v0, IRREGULAR, US, linear=hold == "linear")
     assert np.asarray(path.states) == pytest.approx(expected, abs=1e-8)
 
@@ -233,3 +233,8 @@ def test_shapes_are_checked_while_jax_traces_but_the_order_of_times_is_not():
     assert traced(LINE[::-1], jnp.zeros((5, 1))).shape == (5, 1)
     with pytest.raises(ValueError, match="`us` must have the shape"):
         traced(LINE, jnp.zeros((4, 1)))
+
+
+def test_a_hold_that_there_is_not_is_refused_with_those_that_there_are():
+    with pytest.raises(ValueError, match="`hold` must be one of zero, linear, or a function; got 'first'"):
+        rollout(Integrator(), jnp.zeros(1), jnp.zeros(1), IRREGULAR, US, hold="first")

@@ -12,6 +12,7 @@ from symoden.experiments import (
     RunConfig,
     Source,
     absolute_name,
+    evaluation_solver,
     holds_run,
     preset,
     read_run,
@@ -26,6 +27,7 @@ from symoden.spaces import Space
 from symoden.training import FEWEST_MEMBERS, FitResult
 
 from ._arguments import Train
+from ._other_hold import name_other_hold
 from ._output import print_json
 from ._progress import show_progress
 from ._scores import report_scores
@@ -65,7 +67,10 @@ def run(command: Train) -> None:
             max_minutes=command.max_minutes,
             progress=progress,
         )
-    scores = report_scores(result.model, read_run(command.out), source, json=command.general.json)
+    trained = read_run(command.out)
+    scores = report_scores(result.model, trained, source, json=command.general.json)
+    if source.task is None and not scores.warning:
+        name_other_hold(result.model, source.dataset, evaluation_solver(trained))
     doubtful = result.completed and config.training.scaled_loss and result.loss > _POOR
     if doubtful and not scores.warning and not scores.share < _GOOD:
         print(

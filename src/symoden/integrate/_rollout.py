@@ -73,7 +73,7 @@ def rollout(
     us: SampledInputs,
     *,
     solver: AbstractSolver | None = None,
-    hold: Hold = zero_hold,
+    hold: Hold | str = "zero",
     unroll: bool = False,
 ) -> Rollout:
     """Simulate from a measured configuration and its rates.
@@ -85,14 +85,15 @@ def rollout(
         ts: Times of the samples [s], increasing; the intervals may differ. The dynamics count from the first one.
         us: Inputs at the samples, one row per time; without inputs, no columns.
         solver: What advances the state from sample to sample; one RK4 step if absent.
-        hold: How an input acts between samples: `zero_hold` or `linear_hold`.
+        hold: How an input acts between samples: "zero", "linear", or a function as `zero_hold` and `linear_hold` are.
         unroll: Write the samples out instead of looping over them: slower to compile, faster for large networks.
 
     Returns:
         The trajectory at the samples, the first one included.
 
     Raises:
-        ValueError: If a shape is wrong, or the times do not increase (which is not looked at while JAX traces them).
+        ValueError: If a shape or `hold` is wrong, or the times do not increase (which is not looked at while JAX traces
+            them).
 
     Example:
         >>> from symoden.systems import Pendulum
@@ -107,9 +108,12 @@ def rollout(
     )
     ts, us = _checked_samples(ts, us, dynamics.inputs)
     advance = RK4() if solver is None else solver
+    if isinstance(hold, str) and hold not in HOLDS:
+        raise ValueError(f"`rollout`: `hold` must be one of {', '.join(HOLDS)}, or a function; got {hold!r}.")
+    ends = HOLDS[hold] if isinstance(hold, str) else hold
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((dynamics, q0, rates0, ts, us, advance)))
     simulate = _simulate if traced else _compiled
-    return simulate(dynamics, q0, rates0, ts, us, advance, hold, unroll)
+    return simulate(dynamics, q0, rates0, ts, us, advance, ends, unroll)
 
 
 def _simulate(
