@@ -5,6 +5,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 from scipy.signal import lfilter
 
+from symoden.data import check_dataset
+
 from .conftest import arm, found, scale, written
 
 
@@ -51,3 +53,19 @@ def test_nothing_is_wrong_with_a_machine_that_rests_and_chatters(tmp_path_factor
 def test_a_filter_that_makes_chatter_slow_makes_no_motion_of_it(tmp_path, filtered, chatter):
     logs = [resting(seed, every=4.0, chatter=chatter, filtered=filtered) for seed in range(3)]
     assert found(written(tmp_path, *logs)) == []
+
+
+@pytest.mark.parametrize("factor", [1.0, 180 / np.pi])
+def test_a_position_that_a_filter_makes_late_is_not_called_one_in_another_unit(tmp_path, factor):
+    t = 0.005 * np.arange(4000)
+    log = arm(0, samples=len(t), jitter=0.0)
+    log[:, 0] = t
+    for k in (0, 1):
+        log[:, 1 + k] = 0.2 * np.sin(14 * t + k) + 0.1 * np.sin(23 * t)
+        log[:, 3 + k] = 2.8 * np.cos(14 * t + k) + 2.3 * np.cos(23 * t)
+    log[:, 1] = lfilter([0.1], [1.0, -0.9], log[:, 1])  # 45 ms
+    path = written(tmp_path, scale(log, v1=factor))
+    assert found(path) == [("velocity", "warning", "v1")]
+    (one,) = check_dataset(path).recordings[0].findings
+    assert "`q1` follows the integral of `v1` about 0.0" in one.text
+    assert ("look at its unit" in one.text) == (factor != 1.0)

@@ -1,5 +1,7 @@
 """Whether positions and velocities tell of the same motion."""
 
+import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +19,9 @@ TURN: Final = 2 * np.pi
 AGREES: Final = 0.15  # relative deviation up to which a factor is 1
 _LATEST: Final = 0.1  # [s] that filters delay a velocity by.
 _LESS: Final = 0.5  # Share of the misfit that is left with a delay.
+_ROUGH: Final = 0.2  # Misfit from which it is asked whether the position is late, which no unit makes up for.
+_FAR_LESS: Final = 0.6  # Share of the misfit that is left then.
+_NEARLY: Final = 1.15  # Times the least misfit: of delays that are about as good the shortest is named.
 UNRELATED: Final = 0.5  # misfit beyond which a velocity is not that of the position
 
 
@@ -45,10 +50,13 @@ class Ratio:
     Attributes:
         factor: k; 1 if velocities and positions agree, NaN where too little moves to tell.
         misfit: Share of a typical displacement that k ∫v dt does not explain; 0 if it explains all.
+        behind: Time [s] by which the position follows ∫v dt, as a filtered one does, where that explains half of what
+            nothing else does; 0 else.
     """
 
     factor: float
     misfit: float
+    behind: float = 0.0
 
     @property
     def known(self) -> bool:
@@ -121,9 +129,25 @@ def velocity_ratio(
         at_once = moving if moving.agrees else at_once
     if not at_once.factor > 0 or at_once.agrees:  # Of opposite motions, too, another delay makes the same.
         return at_once
-    later = (_ratio(ts, q, v, longest=longest, accuracy=accuracy, late=late) for late in delays(ts)[1:])
-    enough = (ratio for ratio in later if ratio.agrees and ratio.misfit < _LESS * at_once.misfit)
-    return next(enough, at_once)
+
+    def apart(late: float) -> Ratio:
+        return _ratio(ts, q, v, longest=longest, accuracy=accuracy, late=late)
+
+    later = map(apart, delays(ts)[1:])
+    found = next((ratio for ratio in later if ratio.agrees and ratio.misfit < _LESS * at_once.misfit), at_once)
+    if found.agrees or found.misfit < _ROUGH:
+        return found
+    earlier = [(float(late), apart(-late)) for late in delays(ts)[1:]]
+    return dataclasses.replace(found, behind=_behind(found, earlier))
+
+
+def _behind(at_once: Ratio, every: Sequence[tuple[float, Ratio]]) -> float:
+    """Time by which a position follows its velocity, where that explains far more."""
+    known = [(late, ratio.misfit) for late, ratio in every if ratio.factor > 0]
+    least = min((misfit for _, misfit in known), default=np.inf)
+    if least > min(_FAR_LESS * at_once.misfit, UNRELATED):
+        return 0.0
+    return next(late for late, misfit in known if misfit <= _NEARLY * least)
 
 
 def delays(ts: Times) -> np.ndarray:
@@ -159,7 +183,9 @@ def _ratio(
     """
     unknown = Ratio(factor=float("nan"), misfit=float("nan"))
     pairs = blocks(ts, longest=longest)
-    pairs = pairs[_changes(q, pairs) & _changes(v, pairs) & (ts[pairs[:, 1]] + late <= ts[-1])]
+    pairs = pairs[
+        _changes(q, pairs) & _changes(v, pairs) & (ts[pairs[:, 1]] + late <= ts[-1]) & (ts[pairs[:, 0]] + late >= ts[0])
+    ]
     if len(pairs) < _LEAST_BLOCKS:
         return unknown
     way = displacement(ts, v, longest=longest)

@@ -21,6 +21,7 @@ _REVERSES = 1.5
 _DEGREES = 180 / np.pi
 _CLOCKS: Final = (1e-3, "ms"), (1e-6, "us"), (1e-9, "ns")  # What makes of seconds so much of ∫v dt.
 _TURNED: Final = frozenset({"rev", "rev/s"})  # All columns of a log have these more seldom than it has a wrong `dt`.
+_FACTORS: Final = (0.5, 2.0)  # Which filters may make.
 _SLOW = 0.5  # [s] between samples, which hardly a logger takes; of a single joint the units may be wrong as well.
 
 # Factor of the position's displacement over the integrated velocity: what explains it, and units for both columns.
@@ -161,6 +162,8 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
     if ratio.agrees:
         return []
     other = _real_velocity(facts, i)
+    if ratio.behind and other is None:
+        return [_behind(q, v, ratio)]
     if other is not None or ratio.misfit > UNRELATED:
         return [_unrelated(q, v, other)]
     said = f"the derivative of `{q}` is {factor:.3g} times `{v}`"
@@ -201,11 +204,27 @@ def _of_ratio(facts: Facts, i: int, ratio: Ratio) -> list[Finding]:
             kind="unit",
             level="warning",
             channel=v,
-            text=f"{said}: another unit, a gear between the two sensors, or wrong time stamps?",
+            text=f"{said}: {'opposite directions, and ' if factor < 0 else ''}another unit, a gear between the two "
+            "sensors, or wrong time stamps?",
             advice=f"If `{first}` is right, write {entry({second: factors[second]}, facts.units)}; otherwise, if "
             f"`{second}` is, write {entry({first: factors[first]}, facts.units)}, or correct the time stamps.",
         )
     ]
+
+
+def _behind(q: str, v: str, ratio: Ratio) -> Finding:
+    """A position that is late beside its velocity: no factor mends that."""
+    factor = ratio.factor
+    return Finding(
+        kind="velocity",
+        level="warning",
+        channel=v,
+        text=f"`{q}` follows the integral of `{v}` about {ratio.behind:.2g} s late ({ratio.misfit:.0%} of its way is "
+        "unexplained without a delay), as a filtered position or a slower sensor does"
+        + ("" if _FACTORS[0] < factor < _FACTORS[1] else f"; and {factor:.3g} times as far: look at its unit, too"),
+        advice="Leave `velocities` out: they are then estimated, as late as the positions, and `input_delay` can make "
+        "up for that. Or name columns that belong together.",
+    )
 
 
 def _factors(kinds: tuple[str, ...]) -> tuple[tuple[float, str, dict[str, str]], ...]:
