@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
-from symoden.known import KnownParts
+from symoden.known import Expression, KnownParts
 
 from ._errors import DataError, listing, nearest
 from ._known import KEYS as KNOWN_KEYS, read_known
@@ -67,6 +67,7 @@ class Description:
         trust_velocities: Take velocities as they were logged, even where they come late and positions tell them better.
         momenta: Columns of momenta; neither these nor velocities: velocities are estimated from the positions.
         inputs: Columns of inputs; none: free motion.
+        formulas: Columns that are made of those of the files, by the name that other keys call them.
         units: Factors that bring columns to SI and rad as they are read, by the name of a column, or of a variable for
             all its columns. In the file: a factor, or a unit's name: `units = {q = "deg", "tau[1]" = -0.062}`.
         si_units: SI units that columns are brought to, where `units` name a unit.
@@ -96,6 +97,7 @@ class Description:
     trust_velocities: bool = False
     momenta: Selector | None = None
     inputs: Selector = ()
+    formulas: Mapping[str, Expression] = field(default_factory=dict)
     units: Mapping[str, float] = field(default_factory=dict)
     si_units: Mapping[str, str] = field(default_factory=dict)
     zeros: Mapping[str, float] = field(default_factory=dict)
@@ -239,6 +241,18 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
     for key, named in (("units", description.units), ("zeros", description.zeros)):
         _refuse_unread(path, key, named, description.selectors)
     _refuse_unread(path, "blind", description.blind, {"positions": description.positions})
+    _refuse_unused(path, description)
+
+
+def _refuse_unused(path: Path, description: Description) -> None:
+    """Refuse formulas of columns that nothing reads."""
+    read = names_in(description.selectors)
+    for name in description.formulas:
+        if name not in read:
+            raise DataError(
+                f"`{path}`: `formulas` must make columns that other keys name, which are {listing(read)}; got "
+                f"`{name}`. Name it in one of these, such as `inputs`."
+            )
 
 
 def _refuse_two_meanings(path: Path, description: Description) -> None:

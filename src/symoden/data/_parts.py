@@ -10,7 +10,8 @@ import numpy as np
 from ._description import Description, Part
 from ._errors import DataError, listing, nearest
 from ._files import find_files
-from ._readers import Rows, read_rows
+from ._formulas import read_columns
+from ._readers import Rows
 from ._tables import place
 from ._units import in_si
 
@@ -54,7 +55,7 @@ def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, .
     _refuse_unknown(path, part, name, files)
     for file in files:
         intervals = part.rows_of(file)
-        read = [read_rows(file, description.selectors, slice(*each), description.recording) for each in intervals]
+        read = [_read(file, description, slice(*each)) for each in intervals]
         _refuse_absent(path, description, name, read)
         _refuse_repeated(path, name, read)
         for k, each in enumerate(read, start=1):
@@ -62,6 +63,13 @@ def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, .
             numbered = dataclasses.replace(rows, interval=k if len(read) > 1 else None)
             found.extend(_apart(numbered, description.recording))
     return tuple(found)
+
+
+def _read(file: Path, description: Description, rows: slice) -> Rows:
+    """What the description names of a file."""
+    return read_columns(
+        file, description.selectors, rows, recording=description.recording, formulas=description.formulas
+    )
 
 
 def _refuse_unknown(path: Path, part: Part, name: str, files: Sequence[Path]) -> None:
@@ -80,7 +88,7 @@ def _refuse_absent(path: Path, description: Description, name: str, intervals: S
     part = description.parts[name]
     for (start, stop), rows in zip(part.rows_of(intervals[0].path), intervals, strict=True):
         if not len(rows) and (start, stop) != (0, None) and not part.recordings:
-            whole = read_rows(rows.path, description.selectors, slice(None), description.recording)
+            whole = _read(rows.path, description, slice(None))
             raise DataError(
                 f"`{path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has {len(whole)}, and "
                 f"none of them is in {[start] if stop is None else [start, stop]}. Name others."

@@ -4,6 +4,8 @@ import sys
 from collections.abc import Callable
 from typing import Final, NoReturn, TypeAlias
 
+from symoden.known import Expression
+
 from ._cells import label
 from ._readers import Selector
 from ._units import factor_of
@@ -104,6 +106,22 @@ def _units(value: object) -> dict[str, float]:
     return factors
 
 
+def _formulas(value: object) -> dict[str, Expression]:
+    """Formulas by the column that they make."""
+    if not isinstance(value, dict) or not value:
+        _fail('a table of names and formulas of columns, such as {thrust = "speed**2"}')
+    made = {}
+    for column, text in value.items():
+        try:
+            made[column] = Expression(text if isinstance(text, str) else _fail("a text"))
+        except ValueError as error:
+            raise ValueError(f"of `{column}` must be a formula of columns", text, f" {error}") from error
+        if not made[column].names or made[column].names & set(value):
+            said = "columns of the files, not what other formulas make" if made[column].names else "a column at least"
+            raise ValueError(f"of `{column}` must name {said}", text, "")
+    return made
+
+
 def _zeros(value: object) -> dict[str, float]:
     """Numbers by column."""
     if not isinstance(value, dict) or not all(map(_is_number, value.values())):
@@ -189,6 +207,7 @@ KEYS: Final[dict[str, Check]] = {
     "trust_velocities": _flag,
     "momenta": _selector,
     "inputs": _inputs,
+    "formulas": _formulas,
     "units": _units,
     "zeros": _zeros,
     "blind": _blind,

@@ -27,7 +27,7 @@ _NO_SIGN: Final = re.compile(  # A number, a name or a parenthesis right before 
 _LONGEST: Final = 4000
 _DEEPEST: Final = 100
 _LARGEST_POWER: Final = 16
-_CHARACTERS: Final = re.compile(r"[A-Za-z0-9_.+\-*/()\s]*")
+_CHARACTERS: Final = re.compile(r"[A-Za-z0-9_.+\-*/()[\]\s]*")
 _OPERATORS: Final[dict[type, str]] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 _INSTEAD: Final = {"^": " A power is written `**`.", "·": _PRODUCT, "×": _PRODUCT}
 _APPLY: Final[dict[str, Callable[[Any, Any], Any]]] = {
@@ -40,7 +40,7 @@ _APPLY: Final[dict[str, Callable[[Any, Any], Any]]] = {
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula: + - * / **, parentheses, numbers, `pi`, the `FUNCTIONS` of one argument, and names.
+    """A formula: + - * / **, parentheses, numbers, `pi`, the `FUNCTIONS` of one argument, and names, `u` or `u[0]`.
 
     The text is parsed, never run: whatever is not in this list is refused, as are texts that are very long or deeply
     nested, and powers that are no plain number of moderate size.
@@ -155,8 +155,11 @@ def _tree(node: ast.expr, text: str, *, depth: int) -> Tree:
 
 def _leaf(node: ast.expr, text: str) -> Tree:
     """A number or a name."""
-    if isinstance(node, ast.Name):
-        return ("number", math.pi) if node.id == "pi" else ("name", node.id)
+    match node:
+        case ast.Name(id=name):
+            return ("number", math.pi) if name == "pi" else ("name", name)
+        case ast.Subscript(value=ast.Name(id=name), slice=ast.Constant(value=int(column))) if type(column) is int:
+            return ("name", f"{name}[{column}]")  # A column of a variable.
     number = _number(node)
     if number is not None:
         return ("number", number)
