@@ -6,7 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import pytest
+
+import symoden
+from symoden.models import ModelConfig, build
+from symoden.spaces import Space
+from symoden.training import TrainingConfig, hold_out
+from symoden.training._line_up import line_up
 
 ROOT = Path(__file__).parents[1]
 TUTORIAL = ROOT / "docs" / "tutorial.md"
@@ -50,6 +57,23 @@ def test_every_line_of_the_tutorial_runs(tmp_path, data):
     for name in ("check.png", "predictions.png", "learned.png", "report.html", "paths.npz"):
         assert (tmp_path / name).stat().st_size > 0
     assert "friction, joint 1 [N m]" in said[-2]
+
+
+def test_every_stage_of_the_arm_s_training_is_explained(data, monkeypatch):
+    monkeypatch.setenv("SYMODEN_DATA", str(data))
+    dataset = symoden.read_dataset(ROOT / "examples" / "dfki-c1.toml")
+    config = TrainingConfig()
+    model = build(
+        ModelConfig(),
+        Space.parse(dataset.space),
+        dataset.inputs,
+        input_matrix=dataset.input_matrix,
+        key=jax.random.key(0),
+    )
+    stages = {stage.name for stage in line_up(hold_out(dataset, config), model, [model], config)}
+    told = re.findall(r"`([^`\n]+)`", TUTORIAL.read_text())
+    assert len(stages) > 10
+    assert {re.sub(": .*| [0-9]+ of [0-9]+$", "", name) for name in stages} - {"longer windows 4x", *told} == set()
 
 
 def test_the_pictures_of_the_tutorial_are_there():
