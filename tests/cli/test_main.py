@@ -144,13 +144,30 @@ def test_a_broken_pipe_to_another_process_is_a_failure(monkeypatch, capsys):
     assert capsys.readouterr().err == "error: [Errno 32] Broken pipe\n"
 
 
-def test_an_interrupted_training_says_how_to_continue(monkeypatch, capsys):
+def test_an_interrupted_training_says_how_to_continue(monkeypatch, tmp_path, capsys):
     failing(monkeypatch, "train", KeyboardInterrupt())
-    assert main(["train", "pendulum", "--out", "runs/a"]) == 130
-    assert capsys.readouterr().err == ("interrupted; continue with: symoden train pendulum --out runs/a --resume\n")
+    run = tmp_path / "run 1"
+    run.mkdir()
+    (run / "config.json").write_text("{}")
+    for words, more in (
+        (["a.toml", "--out", str(run), "--seed", "3"], ""),
+        (["--out", str(run), "--resume"], ""),  # A run knows its source.
+        (["--out", str(run), "--resume", "--members", "4"], "--members 4 "),
+    ):
+        assert main(["train", *words]) == 130
+        said = capsys.readouterr().err
+        assert said == f"interrupted; continue with: symoden train --out '{run}' {more}--resume\n"
     failing(monkeypatch, "inspect", KeyboardInterrupt())
     assert main(["inspect", "runs/a"]) == 130
     assert capsys.readouterr().err == "interrupted\n"
+
+
+def test_a_training_that_was_interrupted_before_it_began_is_to_be_started_as_it_was(monkeypatch, tmp_path, capsys):
+    failing(monkeypatch, "train", KeyboardInterrupt())
+    run = tmp_path / "run"
+    assert main(["train", "my arm.toml", "--out", str(run), "--seed", "3", "--model", "symoden"]) == 130
+    again = f"symoden train 'my arm.toml' --out {run} --seed 3 --model symoden"
+    assert capsys.readouterr().err == f"interrupted; nothing was begun, start again with: {again}\n"
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Training through the command line: what it prints and leaves behind, and how it goes on."""
 
 import json
+import shlex
 import shutil
 
 import equinox as eqx
@@ -177,13 +178,16 @@ def test_resuming_where_nothing_is_starts_a_run(trained, arm, tmp_path, capsys):
     assert same_weights(trained, tmp_path / "run")
 
 
-def test_an_interrupted_run_keeps_its_checkpoint(arm, tmp_path, capsys, monkeypatch):
-    def interrupt(folder, config, dataset, **options):
+def test_an_interrupted_run_goes_on_by_the_command_that_is_advised(trained, arm, tmp_path, capsys, monkeypatch):
+    def interrupt(dataset, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("symoden.cli._train.train_run", interrupt)
-    assert main(["train", str(arm), "--out", str(tmp_path / "run")]) == 130
-    assert "--resume" in capsys.readouterr().err
+    with monkeypatch.context() as patch:
+        patch.setattr("symoden.experiments._runs.fit", interrupt)
+        assert main(["train", str(arm), "--out", str(tmp_path / "run 1")]) == 130
+    _, _, advised = capsys.readouterr().err.splitlines()[-1].partition("continue with: symoden ")
+    assert main(shlex.split(advised)) == 0
+    assert same_weights(trained, tmp_path / "run 1")
 
 
 def test_a_unit_that_is_told_later_joins_a_run(described, tmp_path):

@@ -5,6 +5,7 @@ import importlib.metadata
 import inspect
 import logging
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any, Final, Union
@@ -48,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _carry_out(command)
         sys.stdout.flush()
     except KeyboardInterrupt:
-        print(f"interrupted{_way_on(command)}", file=sys.stderr)
+        print(f"interrupted{_way_on(command, words)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _nobody_reads():
@@ -97,13 +98,16 @@ def _nobody_reads() -> bool:
     return False
 
 
-def _way_on(command: Command) -> str:
+def _way_on(command: Command, words: Sequence[str]) -> str:
     """How to continue what was interrupted."""
     if isinstance(command, Reproduce):
         return "; finished cells are kept: give the same command to continue"
     if not isinstance(command, Train):
         return ""
-    return f"; continue with: symoden train {command.source} --out {command.out} --resume"
+    if not (command.out / "config.json").is_file():  # `holds_run`, which imports JAX: that may be what was interrupted.
+        return f"; nothing was begun, start again with: {shlex.join(['symoden', *words])}"
+    more = [] if command.members is None else ["--members", str(command.members)]  # The run may not know of them yet.
+    return f"; continue with: {shlex.join(['symoden', 'train', '--out', str(command.out), *more, '--resume'])}"
 
 
 def _status(error: Exception) -> int:
