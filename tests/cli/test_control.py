@@ -1,6 +1,7 @@
 """What `symoden control` prints and writes."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -149,9 +150,18 @@ def test_names_that_are_known_before_jax_are_those_of_the_library():
     assert (_checks.METHODS, _checks.LEARNED) == (METHODS, LEARNED)
 
 
+@pytest.mark.parametrize(
+    ("space", "example"),
+    [("T1", "--target 3.14"), ("R1 T1", "--target 0 3.14"), ("R2", "--target 0 0"), (None, "--target")],
+)
+def test_the_example_of_a_target_has_as_many_numbers_as_there_are_coordinates(space, example):
+    with pytest.raises(ValueError, match=re.escape(f"itself: `{example}` [rad, m]")):
+        machine_of("/logs/arm.toml", None, space=space)
+
+
 def test_a_data_set_needs_a_target_or_a_named_machine(arm_run, capsys):
     assert main(["control", str(arm_run)]) == 2
-    assert "`--target 3.14 0` [rad, m], a number for each" in (refusal := capsys.readouterr().err)
+    assert "`--target 3.14` [rad, m], a number for each" in (refusal := capsys.readouterr().err)
     assert "name a simulated machine by `--env`" in refusal
 
 

@@ -55,7 +55,7 @@ def run(command: Control) -> None:
     if command.target or command.env == LEARNED:
         machine, plants = _learned(command, config, model)
     else:
-        machine = machine_of(config.source, command.env)
+        machine = machine_of(config.source, command.env, space=config.data.space)
     result = try_control(without_silent(model), machine, settings, plants=plants, tell=_tell)
     outside = outside_data(result, config.data.ranges)
     if command.figure is not None:

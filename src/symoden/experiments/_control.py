@@ -41,6 +41,7 @@ from symoden.control import (
     silent,
 )
 from symoden.mechanics import AbstractDynamics
+from symoden.spaces import Space
 from symoden.systems import MACHINES, Machine, Pendulum
 
 from ._ranges import Ranges
@@ -162,12 +163,13 @@ class ControlResult:
         return int(good[np.argsort(self.verdict.settling[good])[len(good) // 2]])
 
 
-def machine_of(source: str, env: str | None) -> Machine:
+def machine_of(source: str, env: str | None, *, space: str | None = None) -> Machine:
     """Machine to control.
 
     Args:
         source: Source of the run's data.
         env: Identity of an environment; the run's own task if None.
+        space: The run's configuration space, of which the refusal gives an example of where to go.
 
     Returns:
         The machine.
@@ -183,10 +185,12 @@ def machine_of(source: str, env: str | None) -> Machine:
         return MACHINES[_TASK_MACHINES[source]]
     if source == _HANGING.name:
         return _HANGING
+    angles = () if space is None else Space.parse(space).is_angle
+    example = " ".join(["--target", *("3.14" if angle else "0" for angle in angles)])
     raise ValueError(
         f"The run was trained on `{source}`, and there is no simulation of that machine. Name where to go, and the "
-        "controller is tried on the learned model itself: `--target 3.14 0` [rad, m], a number for each coordinate; or "
-        f"name a simulated machine by `--env` if the logs are of one: {', '.join(MACHINES)}."
+        f"controller is tried on the learned model itself: `{example}` [rad, m], a number for each coordinate; or name "
+        f"a simulated machine by `--env` if the logs are of one: {', '.join(MACHINES)}."
     )
 
 
