@@ -43,7 +43,7 @@ def failing(monkeypatch, command, error):
     monkeypatch.setattr(f"symoden.cli._{command}.run", run)
 
 
-@pytest.mark.parametrize("words", [[], *([name] for name in COMMANDS)], ids=str)
+@pytest.mark.parametrize("words", [[], *([name] for name in COMMANDS), ["data", "check"]], ids=str)
 def test_help_loads_nothing_heavy(words):
     program = [sys.executable, "-c", PROBE.format(heavy=HEAVY), *words, "--help"]
     answer = subprocess.run(program, capture_output=True, check=False, text=True)
@@ -68,10 +68,22 @@ def test_help_names_every_command_task_and_kind(capsys):
     assert [kind for kind in KINDS if kind not in text] == []
 
 
+def test_help_on_data_says_that_they_are_checked(capsys):
+    assert main(["data", "--help"]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("usage: symoden data [-h] {check}\n\n`symoden data check FILE.toml` checks a data set")
+    assert "there is nothing else" not in text
+    assert main(["data", "check", "--help"]) == 0
+    assert capsys.readouterr().out.startswith("usage: symoden data check [-h] FILE.toml")
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         ([], "Missing subcommand"),
+        (["data"], "Expected one of {check}"),
+        (["data", "a.toml"], "Available subcommands: check"),
+        (["data", "check"], "FILE.toml"),
         (["learn"], "Unrecognized options: learn"),
         (["train", "pendulum"], "--out RUN"),
         (["train", "pendulum", "--out", "run", "--sed", "3"], "--seed"),

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 from tyro.conf import Positional, arg
 
@@ -215,20 +215,18 @@ class Reproduce:
 class Data:
     """Check a data set: what was read, and what looks wrong, with what to do.
 
-    `symoden data check FILE.toml` lists each recording (samples, steps of time, missing numbers, gaps) and each column
-    (range, rounding, noise, cut-off, motion, position against velocity), and names stuck sensors, wrong units, signs
-    and columns, jumps, and time stamps out of order. Its exit status is 0 if training takes the data, 2 if it refuses
-    them or a file cannot be read.
+    It lists each recording (samples, steps of time, missing numbers, gaps) and each column (range, rounding, noise,
+    cut-off, motion, position against velocity), and names stuck sensors, wrong units, signs and columns, jumps, and
+    time stamps out of order. Its exit status is 0 if training takes the data, 2 if it refuses them or a file cannot be
+    read.
 
     Attributes:
-        action: What to do; there is nothing else yet.
         source: The TOML file that describes the data set.
         figure: Picture to draw of all recordings, with the findings marked: PNG, PDF or SVG.
         space: Configuration space instead of the description's own.
         general: How to report.
     """
 
-    action: Annotated[Positional[Literal["check"]], arg(metavar="check")]
     source: Annotated[Positional[Path], arg(metavar="FILE.toml")]
     figure: Figure = None
     space: Annotated[str | None, arg(metavar="S", help_behavior_hint="(default: the description's)")] = None
@@ -296,4 +294,6 @@ COMMANDS: Final[Mapping[str, type]] = MappingProxyType(
         "data": Data,
     }
 )
+DATA_COMMANDS: Final[Mapping[str, type]] = MappingProxyType({"check": Data})
+"""What `symoden data` can be told to do."""
 Command: TypeAlias = Simulate | Train | Evaluate | Predict | Inspect | Report | Control | Reproduce | Data

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Union
 
 import tyro
 
-from ._arguments import COMMANDS, Command, Control, Reproduce, Train
+from ._arguments import COMMANDS, DATA_COMMANDS, Command, Control, Reproduce, Train
 from ._numbers import number_rules
 
 FAILURE: Final = 1
@@ -24,6 +24,7 @@ _DESCRIPTION: Final = (
     "Learn the inertia, potential energy, actuation and friction of a mechanism from its logs, as a port-Hamiltonian "
     "system. `symoden COMMAND --help` explains a command; `symoden --version` prints the version."
 )
+_OF_DATA: Final = "`symoden data check FILE.toml` checks a data set; `symoden data check --help` explains it."
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -64,16 +65,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parse(words: list[str]) -> Command:
     """Read the command, or exit with help or with what is wrong."""
     config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff, tyro.conf.DisallowNone)
-    if words and words[0] in COMMANDS:
-        name = words[0]
-        return tyro.cli(COMMANDS[name], prog=f"symoden {name}", args=words[1:], config=config, registry=number_rules())
+    kinds, program, description = COMMANDS, "symoden", _DESCRIPTION
+    if words and words[0] == "data":
+        kinds, program, description, words = DATA_COMMANDS, "symoden data", _OF_DATA, words[1:]
+    if words and words[0] in kinds:
+        name, *words = words
+        return tyro.cli(kinds[name], prog=f"{program} {name}", args=words, config=config, registry=number_rules())
     # Nothing is chosen, so this exits; one line explains each command.
     choices = [
         Annotated[kind, tyro.conf.subcommand(name, description=inspect.getdoc(kind).partition("\n")[0])]  # pyright: ignore[reportOptionalMemberAccess]
-        for name, kind in COMMANDS.items()
+        for name, kind in kinds.items()
     ]
-    union: Any = Union[tuple(choices)]  # noqa: UP007 - made at run time
-    return tyro.cli(union, prog="symoden", description=_DESCRIPTION, args=words, config=config)
+    hidden = Annotated[None, tyro.conf.Suppress]  # Where there is one choice alone, tyro would take it for chosen.
+    union: Any = Union[(*choices, hidden)]
+    return tyro.cli(union, prog=program, description=description, args=words, config=config)
 
 
 def _carry_out(command: Command) -> None:
