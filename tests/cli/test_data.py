@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -130,6 +131,9 @@ def test_files_that_cannot_be_read_are_refused_beside_those_that_can(described, 
     assert [(one["name"], one["split"]) for one in said["unreadable"]] == [(n, "train") for n in "cde"] + [
         ("c", "test")
     ]
+    assert [one["kind"] for each in said["unreadable"] for one in each["findings"]] == ["refused"] * 4
+    page = (Path(__file__).parents[2] / "docs" / "data.md").read_text()
+    assert [key for key, value in said.items() if isinstance(value, list) and f"`{key}`" not in page] == []
     assert main(["train", str(described), "--out", str(tmp_path / "run")]) == 2
     (error,) = capsys.readouterr().err.splitlines()
     assert "d.csv`: no column `u`; found `t, q, v`" in error
