@@ -37,7 +37,9 @@ def test_simulate_writes_the_trajectories_of_the_library(tmp_path, capsys):
 
 def test_evaluate_gives_the_papers_errors_on_a_task(task_run, capsys):
     scores = answer(capsys, "evaluate", task_run)
-    assert list(scores) == ["task", "model", "parameters", "train_error", "test_error", "prediction_error"]
+    contract = ["task", "model", "parameters", "train_error", "test_error", "prediction_error"]
+    assert list(scores) == [*contract, "diverged"]
+    assert scores["diverged"] == {"train": 0, "test": 0, "prediction": 0}
     assert (scores["task"], scores["model"]) == ("pendulum", "dissipative")
     for name in ("train_error", "test_error", "prediction_error"):
         assert set(scores[name]) == {"mean", "std"}
@@ -57,7 +59,9 @@ def test_evaluate_gives_position_errors_on_a_data_set(arm_run, arm, capsys):
         assert [(r["name"], r["split"], r["samples"]) for r in recordings] == [("a", "train", 80), ("b", "test", 60)]
         for recording in recordings:
             errors = {"window_rmse", "rollout_rmse", "coordinates", "motion", "in_motion"}
-            assert set(recording) == {"name", "split", "samples"} | errors
+            assert set(recording) == {"name", "split", "samples", "windows", "diverged"} | errors
+            assert set(recording["window_rmse"]) == {"horizon_s", "median", "mean"}
+            assert (recording["windows"], recording["diverged"]) == ({"a": 12, "b": 8}[recording["name"]], 0)
             assert recording["coordinates"] == pytest.approx([recording["window_rmse"]["median"]])
             assert recording["window_rmse"]["horizon_s"] == 1.0
             assert 0 < recording["window_rmse"]["median"] < 10

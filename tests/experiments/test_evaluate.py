@@ -240,6 +240,7 @@ def test_windows_are_as_short_as_a_part_whose_recordings_all_are_asks_for(second
     dataset = Dataset(name="d", space="T1", train=(tiny, trained, trained), test=(tested,))
     tiny, _, *scores = score_recordings(Pendulum(), dataset, solver=RK4(1))
     assert np.isnan([tiny.window_rmse.median, tiny.motion]).all()
+    assert (tiny.windows, tiny.diverged) == (0, 0)
     assert np.isfinite(tiny.rollout_rmse)
     for score, recording in zip(scores, (trained, tested), strict=True):
         assert score.window_rmse.horizon_s == pytest.approx(horizon)
@@ -288,7 +289,11 @@ def test_a_diverging_model_has_infinite_errors():
     model = eqx.tree_at(lambda m: m.scale.array, small("naive", "T1"), replace_fn=lambda x: 1e150 * x)
     (score,) = score_recordings(model, Dataset(name="d", space="T1", train=(recording,)), solver=RK4(1))
     assert score.window_rmse.median == score.window_rmse.mean == score.rollout_rmse == np.inf
-    assert not np.isfinite(score_task(model, few("pendulum"), solver=RK4(1)).train.mean)
+    assert score.diverged == score.windows == 5
+    task = score_task(model, source := few("pendulum"), solver=RK4(1))
+    assert not np.isfinite(task.train.mean)
+    parts = {"train": source.dataset.train, "test": source.dataset.test, "prediction": source.prediction}
+    assert task.diverged == {name: len(part) for name, part in parts.items()}
 
 
 def test_a_naive_models_angles_go_on_from_the_measured_ones():

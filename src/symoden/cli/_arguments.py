@@ -94,6 +94,9 @@ class Evaluate:
     deviation over trajectories. On a data set: position RMSE over windows of 1 s started every 0.25 s (of less, where
     all recordings of a part are shorter), and of one rollout from the start of the whole recording, in rad and m.
 
+    In JSON an error that is not finite is null. It is so where rollouts diverge: `diverged` counts them, beside the
+    number of `windows` of a recording, for each part of a task. A recording that is too short has 0 windows.
+
     Attributes:
         run: Folder of the run.
         source: Another task or description than the run's own.

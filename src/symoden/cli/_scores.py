@@ -218,7 +218,8 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
     score = score_task(model, source, solver=solver)
     errors = {f"{name}_error": getattr(score, name)._asdict() for name in _ERRORS}
     described = {"task": source.task.name, "model": config.model.kind, "parameters": count_parameters(model)}
-    return Scores(described | errors, _errors(score, source.task, config.model.kind))
+    values: dict[str, object] = {**described, **errors, "diverged": score.diverged}
+    return Scores(values, _errors(score, source.task, config.model.kind))
 
 
 def _errors(score: TaskScore, task: Task, kind: str) -> TableText:

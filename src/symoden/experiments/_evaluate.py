@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import equinox as eqx
 import jax
@@ -30,11 +30,13 @@ class TaskScore:
         train: Over the training trajectories.
         test: Over the test trajectories.
         prediction: Over the longer trajectories without input.
+        diverged: How many trajectories of each part have no finite error.
     """
 
     train: MeanStd
     test: MeanStd
     prediction: MeanStd
+    diverged: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +86,8 @@ class RecordingScore:
         motion: How far the positions move in such a window, what errors are to be compared with: root mean square of
             their distance from the window's first sample; NaN if there is no window.
         in_motion: Errors and motion of the windows that move.
+        windows: Number of windows; 0 if the recording is too short for one.
+        diverged: In how many of these the rollout diverges.
     """
 
     name: str
@@ -94,6 +98,8 @@ class RecordingScore:
     coordinates: tuple[float, ...] = ()
     motion: float = np.nan
     in_motion: MotionScore = MotionScore()
+    windows: int = 0
+    diverged: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,11 +139,11 @@ def score_task(model: AbstractDynamics, source: Source, *, solver: AbstractSolve
     predictions = predict(model, every, hold=source.dataset.hold, solver=solver)
     with np.errstate(over="ignore", invalid="ignore"):
         errors = np.array([squared_error(model, space, *pair) for pair in zip(every, predictions, strict=True)])
-        edges = np.cumsum([len(part) for part in parts])
-        train, test, prediction = (
-            MeanStd(float(part.mean()), float(part.std())) for part in np.split(errors, edges[:-1])
-        )
-    return TaskScore(train=train, test=test, prediction=prediction)
+        each = np.split(errors, np.cumsum([len(part) for part in parts])[:-1])
+        train, test, prediction = (MeanStd(float(part.mean()), float(part.std())) for part in each)
+    lost = [int(np.sum(~np.isfinite(part))) for part in each]
+    diverged: dict[str, int] = dict(zip(("train", "test", "prediction"), lost, strict=True))
+    return TaskScore(train=train, test=test, prediction=prediction, diverged=diverged)
 
 
 def score_recordings(
@@ -216,6 +222,8 @@ def _recording_score(
         in_motion=MotionScore(*(_middle(each, weights) for each in (errors, moved, np.sqrt(coasting))))
         if known
         else MotionScore(),
+        windows=len(errors),
+        diverged=int(np.sum(~np.isfinite(errors))),
     )
 
 
