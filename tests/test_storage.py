@@ -146,6 +146,13 @@ def test_a_new_file_has_the_permissions_that_the_user_gives_and_a_replaced_one_k
         os.umask(before)
 
 
+def test_files_are_written_where_the_system_sets_no_permissions_of_open_files(tmp_path, monkeypatch):
+    """As on Windows, where `os.fchmod` came with Python 3.13."""
+    monkeypatch.delattr(os, "fchmod")
+    write_atomically(tmp_path / "file", b"one")
+    assert (tmp_path / "file").read_bytes() == b"one"
+
+
 HOLDER = """
 import sys, time
 from pathlib import Path

@@ -42,7 +42,7 @@ def write_atomically(path: Path | str, data: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
             temporary = Path(file.name)
-            os.fchmod(file.fileno(), _permissions(path))
+            temporary.chmod(_permissions(path))  # By its path: `os.fchmod` is not on Windows before Python 3.13.
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
