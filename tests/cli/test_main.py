@@ -220,6 +220,22 @@ def test_training_alone_has_all_threads(monkeypatch, capsys, words, trains):
     assert asked == [{"trains": trains}]
 
 
+@pytest.mark.parametrize(("limit", "left"), [(1000, ["4", "5", "read"]), (1200, ["0", "1", "2", "3", "4", "5"])])
+def test_of_too_large_a_cache_the_programs_go_that_were_not_used_for_longest(tmp_path, limit, left):
+    folder = tmp_path / "symoden" / "jax"
+    (folder / "other").mkdir(parents=True)
+    for k in range(6):
+        (folder / str(k)).write_bytes(bytes(200))
+        os.utime(folder / str(k), (1e9 + k, 1e9 + k))
+    if limit == 1000:
+        (folder / "0").rename(folder / "read")
+        os.utime(folder / "read", (1.1e9, 1e9))
+    words = f"from symoden.cli import _session; _session._LARGEST = {limit}; _session.configure()"
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("JAX_")} | {"XDG_CACHE_HOME": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", words], env=environment, check=True)
+    assert sorted(path.name for path in folder.iterdir() if path.is_file()) == left
+
+
 def test_programs_that_were_not_written_to_the_end_are_compiled_without_a_word(tmp_path):
     def simulate():
         words = [sys.executable, "-m", "symoden", "simulate", "pendulum", "--out", str(tmp_path / "data.npz")]
