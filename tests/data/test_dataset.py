@@ -1,6 +1,7 @@
 """A data set's recordings belong together, and its parts have nothing in common."""
 
 import dataclasses
+import functools
 import subprocess
 import sys
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from symoden.data import DataError, Dataset, Trajectory
+from symoden.known import KnownParts
 
 
 def recording(name, seed, n=1, m=1):
@@ -144,3 +146,52 @@ def test_an_angle_that_is_told_to_be_a_number_stays_in_radians():
 def test_units_do_not_tell_data_apart():
     plain = Dataset(name="arm", space="R1", train=(recording("a", 0),))
     assert dataclasses.replace(plain, position_units=("rad",)).digest == plain.digest
+
+
+FUNCTION = """
+import numpy as np
+from symoden import Dataset, KnownParts, Trajectory
+
+ts = np.arange(9.0)
+swing = Trajectory(name="swing", ts=ts, q=ts[:, None], rates=np.ones((9, 1)), us=np.zeros((9, 0)))
+print(Dataset(name="arm", space="R1", train=(swing,), known=KnownParts(potential_energy=lambda q: q @ q)).digest)
+"""
+
+
+def test_a_function_is_the_same_in_every_process():
+    first, second = (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, check=True, text=True).stdout
+        for code in (FUNCTION, f"filler = [object() for _ in range(100_000)]\n{FUNCTION}")
+    )
+    assert first == second
+
+
+def test_functions_that_do_something_else_tell_data_apart():
+    plain = Dataset(name="arm", space="R1", train=(recording("a", 0),))
+
+    def held(stiffness):
+        return lambda q: stiffness * (q @ q)
+
+    def with_itself(q):
+        return q @ q if len(q) else with_itself(q)
+
+    parts = [lambda q: q @ q, lambda q: 2 * (q @ q), held(2.0), held(3.0), held(np.ones(1)), held(np.zeros(1))]
+    parts += [functools.partial(np.dot, np.ones(1)), functools.partial(np.dot, np.zeros(1)), with_itself, "q1**2"]
+    parts += [MechanismOf(1.0).potential_energy, MechanismOf(2.0).potential_energy]
+    digests = [dataclasses.replace(plain, known=KnownParts(potential_energy=part)).digest for part in parts]
+    assert len({*digests, plain.digest}) == len(parts) + 1
+    again = KnownParts(potential_energy=held(2.0))
+    assert dataclasses.replace(plain, known=again).digest == digests[2]
+
+
+def test_the_digest_of_formulas_is_that_of_before():
+    known = KnownParts(potential_energy="-w*cos(q1)", parameters={"w": 1.0})
+    assert known.fingerprint == repr(known)
+
+
+@dataclasses.dataclass(frozen=True)
+class MechanismOf:
+    stiffness: float
+
+    def potential_energy(self, q):
+        return self.stiffness * (q @ q)

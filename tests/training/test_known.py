@@ -14,6 +14,7 @@ from symoden.data import Dataset, Trajectory
 from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, ModelConfig
 from symoden.spaces import Space
+from symoden.storage import StorageError
 from symoden.systems import Pendulum
 from symoden.training import TrainingConfig, fit, measure_scales
 from symoden.training._fit import _prepare
@@ -115,6 +116,16 @@ def test_nothing_to_learn_is_refused(pendulum, quick):
 def test_known_parts_that_no_mechanism_has_are_refused_before_training(pendulum, quick):
     with pytest.raises(ValueError, match="`mass_matrix` must be positive definite"):
         fit(knowing(pendulum(), mass_matrix=[["cos(q1) - 1.1"]]), model=MODEL, config=quick)
+
+
+def test_functions_cannot_be_kept_in_a_folder_which_is_said_before_training(pendulum, quick, tmp_path):
+    dataset = knowing(pendulum(), potential_energy=lambda q: LOAD * (1 - jnp.cos(q[0])))
+    said = []
+    with pytest.raises(StorageError, match=r"which is code\. Give known parts as formulas.* leave `folder` out"):
+        fit(dataset, model=MODEL, config=quick, folder=tmp_path / "run", progress=said.append)
+    assert (said, list(tmp_path.iterdir())) == ([], [])
+    short = dataclasses.replace(quick, adam_steps=9, growth_steps=0, relevance_steps=0)
+    assert fit(dataset, model=MODEL, config=short).completed
 
 
 def recording():

@@ -121,7 +121,8 @@ class Dataset:
 
         Names and units do not count: no result depends on what the same numbers are called.
         """
-        digest = hashlib.sha256(repr((self.space, self.momenta, self.hold, self.known)).encode())
+        known = None if self.known is None else self.known.fingerprint
+        digest = hashlib.sha256(f"({self.space!r}, {self.momenta!r}, {self.hold!r}, {known})".encode())
         arrays = {"input_matrix": np.zeros(0) if self.input_matrix is None else self.input_matrix}
         for part in ("train", "validation", "test"):
             for k, recording in enumerate(getattr(self, part)):

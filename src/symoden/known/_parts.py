@@ -9,6 +9,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from ._expressions import FUNCTIONS, Expression
+from ._functions import code_of, without_addresses
 from ._robot import Robot
 
 PARTS: Final = ("mass_matrix", "potential_energy", "input_matrix", "dissipation_matrix")
@@ -104,6 +105,12 @@ class KnownParts:
         learned = {*self.correct, *(() if self.robot is None else _OF_ROBOTS)}
         learned |= {part for part, name in _used_names(self) if name in self.parameters}
         return tuple(name for name in self.given if name not in learned)
+
+    @property
+    def fingerprint(self) -> str:
+        """Text that tells these parts from others, and is the same in every process, also where parts are functions."""
+        functions = [part for part in (getattr(self, name) for name in PARTS) if callable(part)]
+        return "".join([without_addresses(self), *map(code_of, functions)]) if functions else repr(self)
 
     def formulas(self, name: str) -> tuple[str, ...] | None:
         """Formulas of a part, row by row; None where it is a Python function, a robot's or not given.

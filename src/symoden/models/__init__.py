@@ -4,7 +4,7 @@ from ._baselines import GeometricModel as GeometricModel, NaiveModel as NaiveMod
 from ._build import awaken as awaken, build as build
 from ._config import KINDS as KINDS, BlockConfig as BlockConfig, Kind as Kind, ModelConfig as ModelConfig
 from ._embedded import embedded_vector_field as embedded_vector_field
-from ._files import load as load, save as save
+from ._files import check_savable as check_savable, load as load, save as save
 from ._gauge import rescale as rescale
 from ._given import (
     Given as Given,
@@ -37,6 +37,7 @@ __all__ = [
     "awaken",
     "build",
     "check_known",
+    "check_savable",
     "embedded_vector_field",
     "energies_are_given",
     "given_parts",

@@ -87,6 +87,18 @@ def save(path: Path | str, model: AbstractDynamics) -> None:
     save_arrays(path, arrays, {"format": _FORMAT, "structure": structure})
 
 
+def check_savable(model: AbstractDynamics) -> None:
+    """Refuse a model that `save` would refuse, before training makes it worth saving.
+
+    Args:
+        model: Any model.
+
+    Raises:
+        StorageError: If it contains code or foreign classes.
+    """
+    _describe(model, "model", {})
+
+
 def load(path: Path | str) -> AbstractDynamics:
     """Load a model that `save` wrote.
 

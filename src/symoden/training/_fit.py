@@ -16,8 +16,9 @@ import numpy as np
 from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL, count_parameters, trainable
 from symoden.data import DataError, Dataset, check_trainable
 from symoden.mechanics import AbstractDynamics
-from symoden.models import ModelConfig, StructuredModel, awaken, build, save
+from symoden.models import ModelConfig, StructuredModel, awaken, build, check_savable, save
 from symoden.spaces import Space
+from symoden.storage import StorageError
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
@@ -111,7 +112,8 @@ def fit(
         TrainingError: If no model was found whose mean squared errors are finite and below a thousand times the motion.
         ValueError: If members are wanted and training has no Levenberg-Marquardt.
         DataError: If every recording is shorter than a window, nothing moves, or a given part cannot be a mechanism's.
-        StorageError: If `folder` cannot be written, or its checkpoint is damaged, or of other data or settings.
+        StorageError: If `folder` cannot be written, its checkpoint is damaged, or of other data or settings, or the
+            model cannot be saved there, as one with Python functions cannot.
 
     Example:
         >>> import numpy as np
@@ -139,7 +141,7 @@ def fit(
     watch = Stopwatch(max_minutes)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
         guessing = lambda step, most, loss: progress(Progress("first guess", step, most, loss, None, watch.seconds))
-        stages, state, fresh = _prepare(dataset, model, config, guessing)
+        stages, state, fresh = _prepare(dataset, model, config, guessing, saved=folder is not None)
         begun = state.model
         counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
@@ -185,13 +187,20 @@ def _refuse_lost(state: TrainingState, config: TrainingConfig, *, completed: boo
 
 
 def _prepare(
-    dataset: Dataset, model: ModelConfig, config: TrainingConfig, guessing: Callable[[int, int, float], None] = silent
+    dataset: Dataset,
+    model: ModelConfig,
+    config: TrainingConfig,
+    guessing: Callable[[int, int, float], None] = silent,
+    *,
+    saved: bool = False,
 ) -> tuple[list[AbstractStage], TrainingState, Callable[..., AbstractDynamics]]:
     """Split the recordings, and line up the stages, the state before them, and what makes untrained models."""
     if not dataset.train:
         raise DataError(f"`{dataset.name}`: training must have recordings in `train`; got none.")
     check_trainable(dataset)
     dataset = hold_out(dataset, config)
+    if saved and dataset.known is not None:
+        _check_savable(_drawing(dataset, model, config)(0))  # Before guesses and training take their time.
     fresh = _builder(dataset, model, config, guessing)
     dynamics = fresh(0)
     restarts = config.restarts if config.adam_steps else 0
@@ -224,6 +233,14 @@ def _prepare(
         incumbent=Incumbent(dynamics, None, 0, weighing, rival=dynamics),
     )
     return stages, state, fresh
+
+
+def _check_savable(dynamics: AbstractDynamics) -> None:
+    """Refuse a model that could not be saved after training."""
+    try:
+        check_savable(dynamics)
+    except StorageError as error:
+        raise StorageError(f"{error} To train without files, leave `folder` out.") from None
 
 
 def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: bool) -> TrainingState:
