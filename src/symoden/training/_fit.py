@@ -182,7 +182,8 @@ def _refuse_lost(state: TrainingState, config: TrainingConfig, *, completed: boo
         raise TrainingError(
             "Training must find a model whose errors are finite and not far larger than the motion; the best one "
             f"has a loss of {state.best_loss:.2g}, where predicting that nothing moves has one of 1. Check the units "
-            "and the space of the data (`symoden data check`), or lower the learning rate."
+            "and the space of the data (`symoden data check`), or begin from other weights: another `--seed`; in "
+            "Python another `seed` or a lower `learning_rate` of `TrainingConfig`."
         )
 
 
