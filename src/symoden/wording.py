@@ -3,6 +3,8 @@
 from collections.abc import Iterable
 from typing import Final
 
+LEARNED: Final = "model"
+"""What stands for the name of a machine where a controller is tried on learned models."""
 _FAR: Final = 1e3  # [s]: six digits do not tell the next stamp apart.
 
 

@@ -30,6 +30,17 @@ def test_episodes_that_no_memory_holds_are_refused():
         ControlConfig(loop=Loop(duration=2.0, period=1e-5))
 
 
+def test_what_is_learned_is_integrated_finely_whatever_its_name():
+    """Learned dry friction is stiff."""
+    machine = dataclasses.replace(learned_machine(MODEL, [np.pi], RANGES), name="the arm in the cellar")
+    results = [try_control(MODEL, each, CONFIG) for each in (machine, dataclasses.replace(machine, learned=False))]
+    for result, step in zip(results, (0.001, CONFIG.loop.step), strict=True):
+        q0, v0 = initial_states(result.machine, result.method, 5, 0)
+        again = run_episodes(MODEL, result.controller, q0, v0, dataclasses.replace(CONFIG.loop, step=step))
+        np.testing.assert_array_equal(result.episodes.q, again.q)
+    assert [result.tried_on for result in results] == ["the learned model", "the arm in the cellar"]
+
+
 def test_each_stand_in_has_its_share_of_the_episodes():
     result = try_control(MODEL, learned_machine(MODEL, [np.pi], RANGES), CONFIG, plants=OTHERS)
     q0, v0 = initial_states(result.machine, result.method, 5, 0)

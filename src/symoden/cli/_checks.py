@@ -3,13 +3,13 @@
 import math
 from typing import Final
 
+from symoden.wording import LEARNED
+
 from ._arguments import Control
 from ._figure import check_figure
 
 METHODS: Final = ("energy-shaping", "ida-pbc", "controlled-lagrangian", "swing-up", "tracking", "lqr")
 """Names of all methods of control; a test compares them."""
-LEARNED: Final = "model"
-"""Name of the learned machine; a test compares it."""
 
 
 def check_control(command: Control) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 from symoden.blocks import without_silent
 from symoden.control import Loop, Method, Tolerance
 from symoden.experiments import (
-    LEARNED,
     ControlConfig,
     ControlResult,
     RunConfig,
@@ -27,6 +26,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.storage import write_atomically
 from symoden.systems import Machine
 from symoden.units import titled
+from symoden.wording import LEARNED
 
 from ._arguments import Control
 from ._figure import save_figure
@@ -197,7 +197,7 @@ def _draw(result: ControlResult, config: RunConfig, path: Path) -> None:
     from symoden.report import draw_control
 
     data, machine = config.data, result.machine
-    units = data.position_units if machine.name == LEARNED else machine.system.space.units
+    units = data.position_units if machine.learned else machine.system.space.units
     figure = draw_control(result, positions=list(map(titled, data.position_names, units)), inputs=data.input_names)
     save_figure(figure, path)
 

@@ -43,11 +43,10 @@ from symoden.control import (
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 from symoden.systems import MACHINES, Machine, Pendulum
+from symoden.wording import LEARNED
 
 from ._ranges import Ranges
 
-LEARNED: Final = "model"
-"""What stands for the name of a machine where a controller is tried on learned models."""
 _FINE_STEP: Final = 0.001  # [s]: learned dry friction is stiff.
 _FAR: Final = 10.0  # Of the range of the data.
 _CALLS: Final = 2000
@@ -143,7 +142,7 @@ class ControlResult:
     @property
     def tried_on(self) -> str:
         """What the controller was tried on, in words."""
-        if self.machine.name != LEARNED:
+        if not self.machine.learned:
             return self.machine.name
         others = [plant for plant in self.plants if plant is not self.machine.system]
         return f"{len(others)} of the ensemble's models" if others else "the learned model"
@@ -219,7 +218,7 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
     limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
     if not limits:
         raise ValueError("A controller needs inputs; the model was learned from free motion and has none.")
-    return Machine(name=LEARNED, system=model, target=tuple(map(float, target)), max_input=limits)
+    return Machine(name=LEARNED, system=model, target=tuple(map(float, target)), max_input=limits, learned=True)
 
 
 def _check_target(coordinate: int, value: float, bounds: tuple[float, float], *, angle: bool) -> None:
@@ -301,7 +300,7 @@ def try_control(
             f"{system.inputs}. Choose the environment of the mechanism that the model was trained on."
         )
     loop = config.loop
-    if machine.name == LEARNED:
+    if machine.learned:
         loop = dataclasses.replace(loop, step=min(loop.step, _FINE_STEP))
     limits = machine.max_input
     if config.max_input is not None:

@@ -21,17 +21,19 @@ class Machine(Generic[System]):
     """A system to control.
 
     Attributes:
-        name: Identity of its environment; that of a learned model is "model".
+        name: Identity of its environment.
         system: The true system, or the model.
         target: Configuration to bring it to; of the paper's machines the one of the highest potential energy, lengths
             being zero.
         max_input: Largest magnitude of each input that its motors give [N or N m].
+        learned: Whether the system is a learned model, in place of a simulated machine.
     """
 
     name: str
     system: System
     target: tuple[float, ...]
     max_input: tuple[float, ...]
+    learned: bool = False
 
 
 _POLE_DAMPING: Final = 0.05
