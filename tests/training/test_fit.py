@@ -131,7 +131,9 @@ def test_what_cannot_be_trained_is_refused_before_anything_is(pendulum, small, q
 
 def test_adam_alone_leaves_integration_as_fine_as_it_was(pendulum, small, quick):
     config = dataclasses.replace(quick, adam_steps=2, lm_steps=0, substeps=3)
-    assert fit(pendulum(), model=small, config=config).substeps == 3
+    result = fit(pendulum(), model=small, config=config)
+    assert (result.substeps, result.solver.substeps) == (3, 4)
+    assert dataclasses.replace(result, substeps=16).solver.substeps == 16
 
 
 def test_a_fit_that_predicts_nothing_is_a_training_error(pendulum, small, quick, monkeypatch):

@@ -18,6 +18,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, load
 from symoden.storage import StorageError, exclusive, write_atomically
 from symoden.training import (
+    FEWEST_SUBSTEPS,
     MODEL,
     FitResult,
     Progress,
@@ -33,7 +34,6 @@ from ._sources import Source, absolute_name, read_source
 from ._tasks import TASKS
 
 _PACKAGES: Final = ("symoden", "jax", "jaxlib", "equinox", "optax", "diffrax", "numpy", "scipy")
-_LEAST_SUBSTEPS: Final = 4
 
 
 def _versions() -> dict[str, str]:
@@ -264,7 +264,7 @@ def evaluation_solver(config: RunConfig) -> RK4:
     Returns:
         The solver.
     """
-    return RK4(max(_LEAST_SUBSTEPS, config.settled_substeps))
+    return RK4(max(FEWEST_SUBSTEPS, config.settled_substeps))
 
 
 def refuse_occupied(folder: Path) -> None:

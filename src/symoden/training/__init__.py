@@ -10,6 +10,7 @@ from ._ensemble import (
 )
 from ._first_state import find_first_state as find_first_state
 from ._fit import (
+    FEWEST_SUBSTEPS as FEWEST_SUBSTEPS,
     FitResult as FitResult,
     TrainingError as TrainingError,
     fit as fit,
@@ -28,6 +29,7 @@ from ._scales import measure_scales as measure_scales, time_scale as time_scale
 __all__ = [
     "ENSEMBLE",
     "FEWEST_MEMBERS",
+    "FEWEST_SUBSTEPS",
     "MODEL",
     "POSTERIOR",
     "AbstractPosterior",

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 import equinox as eqx
 import jax
@@ -15,6 +16,7 @@ import numpy as np
 
 from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL, count_parameters, trainable
 from symoden.data import DataError, Dataset, check_trainable
+from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, StructuredModel, awaken, build, check_savable, save
 from symoden.spaces import Space
@@ -35,6 +37,9 @@ from ._stages import AbstractStage
 from ._state import Incumbent, TrainingState
 from ._weighing import Weighing
 
+FEWEST_SUBSTEPS: Final = 4
+"""RK4 steps in a sampling interval by which models are evaluated, or more where training needed more."""
+
 _STATES = 512  # Where V's slope is looked at.
 _NOTHING = 1e3  # Loss relative to the motion, beyond which a model predicts nothing.
 
@@ -54,7 +59,7 @@ class FitResult:
         loss: Its loss on the validation data (on the training data without them).
         seconds: Time spent [s] by this run and, where it goes on from a checkpoint, by those before it; what these
             spent on members is not counted.
-        substeps: RK4 steps in a sampling interval that its rollouts need: `rollout(..., solver=RK4(substeps))`,
+        substeps: RK4 steps in a sampling interval that its rollouts need, as for
             `infer_posterior(..., substeps=substeps)`.
         ensemble: Models that were trained like it, if any were asked for.
         verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
@@ -68,6 +73,11 @@ class FitResult:
     substeps: int
     ensemble: Ensemble | None = None
     verdicts: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def solver(self) -> RK4:
+        """What rollouts of the model are to be integrated by, as the command line does it."""
+        return RK4(max(FEWEST_SUBSTEPS, self.substeps))
 
 
 def ignore(progress: Progress) -> None:
