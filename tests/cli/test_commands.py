@@ -84,12 +84,16 @@ def test_evaluate_says_how_many_positions_its_bands_cover(arm_run, capsys):
 
 def test_how_training_went_goes_with_what_came_of_it(arm, tmp_path, capsys):
     outcome, verdict = "stopped at the time limit of 1 minute, with growth still to come", "not kept (for a reason)"
-    trained = TrainingSummary(outcome=outcome, completed=False, seconds=61.0, verdicts={"friction": verdict})
+    told = {"friction": verdict}
+    trained = TrainingSummary(
+        outcome=outcome, completed=False, seconds=61.0, verdicts=told, hardly_judged=("friction",)
+    )
     run = write_untrained_run(tmp_path / "run", arm, trained=trained)
-    assert answer(capsys, "inspect", run)["training"] == asdict(trained)
+    assert answer(capsys, "inspect", run)["training"] == asdict(trained) | {"hardly_judged": ["friction"]}
     assert main(["inspect", str(run)]) == 0
     printed = capsys.readouterr().out
-    assert f"\ntraining\n  {outcome}, after 61 s\n  friction: {verdict}\n" in printed
+    hardly = "  hardly any windows of validation refused friction: longer or more"
+    assert f"\ntraining\n  {outcome}, after 61 s\n  friction: {verdict}\n{hardly}" in printed
     page = tmp_path / "page.html"
     assert main(["report", str(run), "--out", str(page)]) == 0
     assert f"Friction: {verdict}." in page.read_text()

@@ -1,5 +1,6 @@
 """Training through the command line: what it prints and leaves behind, and how it goes on."""
 
+import dataclasses
 import json
 import shlex
 import shutil
@@ -152,6 +153,22 @@ def test_a_resumed_run_ends_as_one_that_was_never_stopped(trained, arm, tmp_path
     assert (tmp_path / "run" / "model.safetensors").is_file()
     assert main(["train", "--out", str(tmp_path / "run"), "--resume"]) == 0
     assert same_weights(trained, tmp_path / "run")
+
+
+def test_what_came_of_a_run_stays_where_its_log_is_removed(arm, tmp_path, monkeypatch):
+    model, training = tiny("default", task=None, kind="dissipative")
+    judged = dataclasses.replace(training, adam_steps=2, relevance_steps=1)
+    monkeypatch.setattr("symoden.cli._train.preset", lambda name, *, task, kind: (model, judged))
+    run = tmp_path / "run"
+    assert main(["train", str(arm), "--out", str(run)]) == 0
+    before = read_run(run).trained
+    assert before is not None
+    assert before.verdicts
+    (run / "metrics.jsonl").unlink()
+    assert main(["train", "--out", str(run), "--resume"]) == 0
+    after = read_run(run).trained
+    assert after is not None
+    assert dataclasses.replace(after, seconds=before.seconds) == before
 
 
 def test_members_join_a_run_that_has_ended_and_make_its_bands(trained, arm, tmp_path, capsys, monkeypatch):

@@ -74,12 +74,9 @@ def test_bands_that_miss_many_positions_are_called_too_narrow(coverage, narrow):
 
 
 def test_what_few_windows_refused_is_named():
-    refused = "not kept (validation loss 0.2, before 0.3: +0.90 standard errors of {}, more than +1.64 wanted)"
-    kept = refused.format("2 windows").removeprefix("not ")
-    verdicts = {"potential": refused.format("1 window"), "friction": kept, "growth": refused.format("2 windows")}
-    assert hardly_judged(verdicts).startswith("hardly any windows of validation refused potential, growth: longer or")
-    many = refused.replace(" of {}", "")
-    assert not hardly_judged({"friction": kept, "growth": many, "refit": "skipped (free already)"})
+    words = hardly_judged(("potential", "growth"))
+    assert words.startswith("hardly any windows of validation refused potential, growth: longer or")
+    assert not hardly_judged(())
 
 
 @pytest.mark.parametrize(("residual", "said"), [(0.02, False), (0.24, False), (0.3, True)])

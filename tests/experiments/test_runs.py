@@ -13,6 +13,7 @@ from symoden.data import Dataset, Trajectory
 from symoden.experiments import (
     Ranges,
     RunConfig,
+    TrainingSummary,
     evaluation_solver,
     read_model,
     read_run,
@@ -87,6 +88,10 @@ def test_a_setting_added_later_takes_its_default(tmp_path):
     write_run(tmp_path, settings())
     changed(tmp_path, lambda value: value["training"].pop("patience"))
     assert read_run(tmp_path).training.patience == TrainingConfig().patience
+    trained = TrainingSummary(outcome="converged", completed=True, seconds=1.0, verdicts={"growth": "not kept"})
+    write_run(tmp_path, settings(trained=trained))
+    changed(tmp_path, lambda value: value["trained"].pop("hardly_judged"))
+    assert read_run(tmp_path).trained == trained
 
 
 def misspelt(value):

@@ -23,6 +23,7 @@ from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
 from symoden.training._residuals import evaluate_loss
+from symoden.training._verdicts import Judge, Verdict
 
 CONFIG = TrainingConfig(adam_steps=1, lm_horizon=6, lm_steps=1, relevance_steps=1, growth_steps=1)
 
@@ -118,14 +119,14 @@ def test_networks_must_improve_on_what_the_rest_becomes_by_the_same_recordings(r
     assert after.step == 1
     compared = []
 
-    def lost(_, model, __, other, ___):
+    def lost(_, model, other, *__, **___):
         compared.extend((model, other))
-        return -9.0, ""
+        return Verdict(Judge.VALIDATION, 9.0, 1.0, 20, gained=-9.0, wanted=1.64)
 
-    monkeypatch.setattr(_levenberg_stage, "gain", lost)
+    monkeypatch.setattr(_levenberg_stage, "by_validation", lost)
     undone, verdict = growth._concluded(after._replace(best=after.model))
     assert eqx.tree_equal(tuple(compared), (after.model, state.model))
-    assert verdict.startswith("not kept")
+    assert not verdict.kept
     assert eqx.tree_equal(undone.best, best)
 
 

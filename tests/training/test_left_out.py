@@ -15,11 +15,11 @@ from symoden.training import TrainingConfig, fit
 from symoden.training._data import hold_out, levenberg_data, longer_data
 from symoden.training._fit import _prepare
 from symoden.training._flatten import Flattening
-from symoden.training._left_out import Contender, _folds, gain_in_turn
+from symoden.training._left_out import Contender, _folds, by_left_out
 from symoden.training._levenberg_marquardt import levenberg_marquardt_step
 from symoden.training._objective import Batch
 from symoden.training._residuals import evaluate_loss
-from symoden.training._verdicts import CHANCE, CLEAR
+from symoden.training._verdicts import CHANCE, CLEAR, Judge
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=(0.01,))
@@ -99,14 +99,14 @@ def test_both_models_are_fitted_to_what_is_not_left_out(prepared):
         return levenberg_marquardt_step(state, restore, data.objective, batch)
 
     contender = Contender(model, 0, step, 1, 1e-3)
-    gained, why = gain_in_turn(data, contender, contender, data.objective)
-    assert gained == 0
+    verdict = by_left_out(data, contender, contender, data.objective, wanted=1.0)
+    assert (verdict.by, verdict.gained, verdict.wanted) == (Judge.LEFT_OUT, 0.0, 1.0)
     starts, count = np.asarray(data.train.start[:, 0]).tolist(), len(data.train.ts) + len(data.held_out.ts)
     parts = [set(part.tolist()) for part in np.array_split(starts, 5)]
     assert seen == [set(starts) - part for part in parts for _ in "12"]
     fold = evaluate_loss(model, data.objective, data.train)
-    assert f"over {count} windows left out in turn" in why
-    assert f"a loss of {fold:.2g} " not in why  # What was fitted is another model.
+    assert verdict.windows == count
+    assert verdict.loss != pytest.approx(fold, rel=0.01)  # What was fitted is another model.
 
 
 def test_the_loss_of_what_is_found_is_that_of_validation(resting, prepared):

@@ -14,6 +14,7 @@ from symoden.spaces import Space
 from symoden.training import _data, fit
 from symoden.training._beginnings import Without
 from symoden.training._flatten import freed
+from symoden.training._state import Report
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(
@@ -124,11 +125,11 @@ def test_dry_friction_takes_the_place_of_a_network_of_lengths(awake, driven, sec
     state = state._replace(model=model, best=model, incumbent=state.incumbent._replace(model=model, rival=model))
     assert stage.applies(state) == awake
     if awake:
-        state, finished, verdict = stage.start(state), False, ""
+        state, report = stage.start(state), Report(0.0, None, finished=False)
         assert freed(state.best) == 0
-        while not finished:
-            state, (*_, finished, _, verdict) = stage.advance(state)
-        assert verdict.startswith("kept")
+        while not report.finished:
+            state, report = stage.advance(state)
+        assert str(report.verdict).startswith("kept")
         assert freed(state.best) == FRICTION
         slopes = jax.vmap(jax.grad(state.best.potential_energy))(jnp.linspace(-1.0, 1.0, 21)[:, None])
         assert np.abs(slopes).max() < 0.1  # Of 1.5 that friction takes.

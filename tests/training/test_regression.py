@@ -95,7 +95,7 @@ def test_a_second_way_into_a_basin_is_kept_where_rollouts_are_better(better, sea
     assert (state.step, report.finished) == (1, True)
     assert state.origin == (3 if better else 1)
     assert eqx.tree_equal(state.best, cast(best, float)) == (not better)
-    assert report.verdict.startswith("kept (a loss of" if better else "not kept (a loss of inf over rollouts, ")
+    assert str(report.verdict).startswith("kept (a loss of" if better else "not kept (a loss of inf over rollouts, ")
 
 
 def test_inputs_that_turn_are_asked_for_once_more_from_the_untrained_model_on(searching, turning, scrambled):

@@ -126,16 +126,21 @@ def test_a_step_that_would_end_after_the_time_limit_is_not_begun(monkeypatch, en
     assert [watch.is_over() for _ in ends] == [*[False] * (len(ends) - 1), over]
 
 
-def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path):
+@pytest.mark.parametrize("logged", [True, False])
+def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path, logged):
     config = dataclasses.replace(quick, adam_steps=5, lm_steps=1, growth_steps=9, patience=1)
     strides = []
     first = fit(pendulum(), model=small, config=config, folder=tmp_path)
+    if not logged:  # What came of the stages does not hang on the log, which may be removed where it is damaged.
+        (tmp_path / "metrics.jsonl").unlink()
     again = fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True, progress=strides.append)
     assert strides == []
     assert eqx.tree_equal(first.model, again.model)
     assert again.completed
     assert again.outcome == first.outcome == "converged"
     assert again.verdicts == first.verdicts
+    assert first.verdicts
+    assert again.hardly_judged == first.hardly_judged
 
 
 def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
@@ -147,7 +152,7 @@ def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
         fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True)
 
 
-@pytest.mark.parametrize("name", ["stage", "seconds", "incumbent_origin", "stages", "data and settings"])
+@pytest.mark.parametrize("name", ["stage", "seconds", "incumbent_origin", "stages", "data and settings", "findings"])
 @pytest.mark.parametrize("value", [None, "soon"])
 def test_a_checkpoint_of_another_version_is_refused(pendulum, small, quick, tmp_path, name, value):
     config = dataclasses.replace(quick, adam_steps=2)

@@ -23,7 +23,7 @@ from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
 from symoden.training._relevance import Relevance
-from symoden.training._verdicts import compare
+from symoden.training._verdicts import Skipped, compare
 from symoden.training._weighing import Weighing
 
 
@@ -48,7 +48,7 @@ def test_no_block_grows_where_the_rest_explains_the_motion(stage):
     started = growth.start(state)
     after, report = growth.advance(started._replace(best_loss=9e-7))
     assert (after.step, report.finished, report.outcome) == (0, True, "nothing left to explain")
-    assert report.verdict == "skipped (nothing left to explain)"
+    assert report.verdict == Skipped("nothing left to explain")
     after, _ = growth.advance(started._replace(best_loss=2e-6))
     assert after.step == 1
 
@@ -72,7 +72,7 @@ def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_f
     stage, state = stage
     data = stage.data._replace(validation=stage.data.train)
     last = dataclasses.replace(stage, data=data, steps=1, corrections=1, learns=learns, margin=margin)
-    monkeypatch.setattr(_verdicts, "compare", lambda *_: errors)
+    monkeypatch.setattr(_verdicts, "standard_errors", lambda *_: errors)
     started = last.start(state)
     after, report = last.advance(started)
     assert report.finished
@@ -234,19 +234,21 @@ def test_a_stage_may_begin_with_wide_priors_and_what_was_learned_comes_back_if_i
     assert {
         float(x) for x in jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(started.memory.precision)])
     } == {2.0}
-    monkeypatch.setattr(_verdicts, "compare", lambda *_: 2.1)
+    monkeypatch.setattr(_verdicts, "standard_errors", lambda *_: 2.1)
     after, report = longer.advance(started)
     assert report.finished
     assert after.memory is learned
-    monkeypatch.setattr(_verdicts, "compare", lambda *_: 1.9)
+    monkeypatch.setattr(_verdicts, "standard_errors", lambda *_: 1.9)
     after, report = longer.advance(started)
     assert after.memory is started.memory
 
 
 def told(verdict):
     """Whether a stage was kept, and by what; both losses must be numbers."""
-    if (found := re.fullmatch(r"(not )?kept \(validation loss (\S+), before (\S+): (.*)\)", verdict)) is None:
-        return verdict
+    if verdict is None:
+        return ""
+    found = re.fullmatch(r"(not )?kept \(validation loss (\S+), before (\S+): (.*)\)", str(verdict))
+    assert found is not None
     assert min(float(found[2]), float(found[3])) > 0
     return f"{found[1] is None} {found[4]}"
 
@@ -274,7 +276,7 @@ def test_priors_that_time_ran_out_for_have_brought_what_they_have_by_then(stage,
     stage, state = stage
     data = stage.data._replace(validation=stage.data.train)
     relevance = dataclasses.replace(stage, data=data, corrections=1, learns=True, margin=-1.0)
-    monkeypatch.setattr(_verdicts, "compare", lambda *_: worse)
+    monkeypatch.setattr(_verdicts, "standard_errors", lambda *_: worse)
     started = relevance.start(state)
     settled, verdict = relevance.settled(started)
     assert not verdict

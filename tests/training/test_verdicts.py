@@ -2,9 +2,10 @@
 
 import dataclasses
 import math
+from typing import Any
 
+import equinox as eqx
 import jax
-import numpy as np
 import pytest
 
 from symoden.blocks import FRICTION
@@ -12,7 +13,8 @@ from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _verdicts
 from symoden.training._residuals import evaluate_loss
-from symoden.training._verdicts import gain
+from symoden.training._state import Findings
+from symoden.training._verdicts import Judge, Skipped, Verdict
 
 
 def test_friction_that_learned_priors_set_free_is_named(stage, monkeypatch):
@@ -21,29 +23,82 @@ def test_friction_that_learned_priors_set_free_is_named(stage, monkeypatch):
     state = state._replace(model=model, best=model, incumbent=state.incumbent._replace(model=model))
     data = stage.data._replace(validation=stage.data.train)
     relevance = dataclasses.replace(stage, data=data, steps=1, corrections=FRICTION, learns=True, margin=-1.0)
-    monkeypatch.setattr(_verdicts, "compare", lambda *_: 0.5)
+    monkeypatch.setattr(_verdicts, "standard_errors", lambda *_: 0.5)
     for named in (True, False):  # The second time they are free already.
         state, report = relevance.advance(relevance.start(state))
-        assert report.verdict.startswith("kept (")
-        assert report.verdict.endswith("; frees friction's laws too, under learned priors)") == named
+        assert report.verdict.kept
+        assert str(report.verdict).endswith("; frees friction's laws too, under learned priors)") == named
 
 
 @pytest.mark.parametrize(("windows", "words"), [(1, " of 1 window"), (4, " of 4 windows"), (5, "")])
-def test_verdicts_of_few_windows_say_how_many(stage, windows, words):
-    stage, state = stage
-    data = stage.data._replace(validation=stage.data.train.take(np.arange(windows) % len(stage.data.train.ts)))
-    _, why = gain(data, state.best, 0.0, state.best, stage.objective(1, state.weighing))
-    assert why.endswith(f"+0.00 standard errors{words}")
+def test_verdicts_of_few_windows_say_how_many(windows, words):
+    verdict = Verdict(Judge.VALIDATION, 0.2, 0.3, windows, gained=0.9, wanted=1.64)
+    told = f"(validation loss 0.2, before 0.3: +0.90 standard errors{words}, more than +1.64 wanted)"
+    assert str(verdict) == f"not kept {told}"
+    assert str(verdict._replace(gained=1.7)) == f"kept {told}".replace("+0.90", "+1.70")
 
 
 @pytest.mark.parametrize("windows", [1, 2, 4, 5])
-def test_what_few_windows_lose_is_lost_whatever_standard_errors_say(stage, windows):
-    stage, state = stage
-    data = stage.data._replace(validation=stage.data.train.take(np.arange(windows) % len(stage.data.train.ts)))
-    objective = stage.objective(1, state.weighing)
-    before = float(evaluate_loss(state.best, objective, data.judged))
+def test_what_few_windows_lose_is_lost_whatever_standard_errors_say(windows):
     for times in (2.9, 3.1):
-        gained, why = gain(data, state.best, times * before, state.best, objective)
-        lost = windows < 5 and times > 3
-        assert gained == (-math.inf if lost else 0.0)
-        assert ("3 times as much or more" in why) == lost
+        verdict = Verdict(Judge.VALIDATION, times, 1.0, windows, gained=0.0, wanted=-1.0)
+        assert verdict.kept == (windows > 4 or times < 3)
+        assert ("standard errors of" in str(verdict)) == (windows < 5)
+        assert ("which hardly tell, but 3 times as much or more)" in str(verdict)) != verdict.kept
+
+
+def test_what_few_windows_refuse_is_hardly_a_verdict():
+    refused = Verdict(Judge.VALIDATION, 0.2, 0.3, 2, gained=0.9, wanted=1.64)
+    assert refused.hardly
+    assert refused._replace(loss=1.0).hardly
+    assert not refused._replace(windows=5).hardly
+    assert not refused._replace(gained=1.7).hardly
+    assert not refused._replace(gained=-math.inf).hardly  # Tenfold is no chance.
+    assert not Skipped("free already").hardly
+
+
+def test_each_verdict_says_what_judged():
+    left_out = Verdict(Judge.LEFT_OUT, 0.2, 0.3, 40, gained=2.0, wanted=1.64)
+    size = "+2.00 standard errors, more than +1.64 wanted"
+    assert str(left_out) == f"kept (a loss of 0.2 over 40 windows left out in turn, before 0.3: {size})"
+    rollouts = Verdict(Judge.ROLLOUTS, 0.2, math.inf, 3, gained=math.inf, wanted=0.0)
+    assert str(rollouts) == "kept (a loss of 0.2 over rollouts, inf without)"
+    assert not rollouts._replace(gained=-math.inf).hardly
+    tenfold = left_out._replace(by=Judge.VALIDATION, gained=-math.inf, cut_short=True)
+    assert str(tenfold) == "cut short, not kept (validation loss 0.2, before 0.3: tenfold or more)"
+    assert str(Skipped("free already")) == "skipped (free already)"
+
+
+def test_fewer_numbers_must_fit_the_training_windows_better_too():
+    verdict = Verdict(Judge.VALIDATION, 0.2, 0.3, 9, gained=1.0, wanted=0.0, fitted=(0.5, 0.4))
+    assert not verdict.kept
+    assert str(verdict).endswith("; training loss 0.5, before 0.4)")
+    assert verdict._replace(fitted=(0.4, 0.5)).kept
+
+
+@pytest.mark.parametrize(("margin", "kept"), [(1.0, "not kept"), (-1.0, "kept as it was")])
+@pytest.mark.parametrize("in_turn", [True, False])
+def test_where_no_step_was_better_no_model_is_compared_with_itself(stage, margin, kept, in_turn):
+    stage, state = stage
+    data = stage.data._replace(validation=stage.data.train, in_turn=in_turn)
+    config = dataclasses.replace(stage.config, scaled_loss=False)  # Else nothing was left to explain.
+    worse = dataclasses.replace(stage, data=data, config=config, steps=1, corrections=1, margin=margin)
+    started = worse.start(state)._replace(best_loss=0.0)  # No step is below.
+    after, report = worse.advance(started)
+    verdict: Any = report.verdict
+    assert eqx.tree_equal(after.best, started.best)
+    objective = worse.objective(after.substeps, after.weighing)
+    losses = [evaluate_loss(model, objective, data.judged) for model in (after.model, started.best)]
+    assert (verdict.moved, verdict.loss, verdict.before) == (False, *losses)
+    judged = "training" if in_turn else "validation"
+    words = f"no step lowered the {judged} loss: {losses[1]:.2g} before, {losses[0]:.2g} at the end"
+    assert str(verdict) == f"{kept} ({words})"
+
+
+def test_what_hardly_any_windows_refused_is_remembered():
+    refused = Verdict(Judge.VALIDATION, 0.2, 0.3, 2, gained=0.9, wanted=1.64)
+    findings = Findings.none().told("potential", refused).told("refit", None).told("growth", Skipped("exact"))
+    findings = findings.told("friction", refused._replace(windows=20)).told("inertia", refused)
+    assert list(findings.verdicts) == ["potential", "growth", "friction", "inertia"]
+    assert findings.verdicts["growth"] == "skipped (exact)"
+    assert findings.hardly_judged == ("potential", "inertia")

@@ -88,7 +88,7 @@ def run(command: Train) -> None:
             words = ensemble_words(len(result.ensemble.members), result.ensemble.tried)
             enough = len(result.ensemble.members) >= FEWEST_MEMBERS
             print(f"{words}; {'how they scatter makes the bands' if enough else 'too few for bands'}")
-        if words := hardly_judged(result.verdicts):
+        if words := hardly_judged(result.hardly_judged):
             print(words)
         print(f"the run is in {command.out}")
 

@@ -2,7 +2,7 @@
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Final
 
@@ -15,7 +15,6 @@ _MOSTLY: Final = 0.7  # Half of the variance.
 _UNKNOWN: Final = 10.0
 _MISSED: Final = 0.1  # Share of positions that bands may miss beyond what they say, before it is worth a word.
 _UNBALANCED: Final = 0.25  # Residual of the energy balance; 0.02 on arms that are predicted well.
-_HARDLY_ANY: Final = re.compile(r"standard errors of \d+ windows?")  # As verdicts have it where these are few.
 _DIAGONAL: Final = re.compile(r"M\[(\d+), \1\]")
 
 
@@ -32,22 +31,19 @@ def training_words(config: RunConfig) -> Iterator[str]:
         return
     yield f"{config.trained.outcome}, after {config.trained.seconds:.0f} s"
     yield from (f"{stage}: {verdict}" for stage, verdict in config.trained.verdicts.items())
-    if words := hardly_judged(config.trained.verdicts):
+    if words := hardly_judged(config.trained.hardly_judged):
         yield words
 
 
-def hardly_judged(verdicts: Mapping[str, str]) -> str:
+def hardly_judged(stages: Sequence[str]) -> str:
     """What to say where stages were refused by so few windows of validation that these hardly tell.
 
     Args:
-        verdicts: For every stage whether it is kept, and by what, in words.
+        stages: Their names.
 
     Returns:
         The words; none where there are no such stages.
     """
-    stages = [
-        stage for stage, verdict in verdicts.items() if verdict.startswith("not kept") and _HARDLY_ANY.search(verdict)
-    ]
     if not stages:
         return ""
     return (

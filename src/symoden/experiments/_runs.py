@@ -65,12 +65,14 @@ class TrainingSummary:
         completed: Whether every stage came to its end.
         seconds: Time spent [s].
         verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
+        hardly_judged: Those of them that so few windows of validation refused that these hardly tell.
     """
 
     outcome: str
     completed: bool
     seconds: float
     verdicts: dict[str, str]
+    hardly_judged: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -339,7 +341,11 @@ def train_run(
                 folder.rmdir()
             raise
         trained = TrainingSummary(
-            outcome=result.outcome, completed=result.completed, seconds=result.seconds, verdicts=result.verdicts
+            outcome=result.outcome,
+            completed=result.completed,
+            seconds=result.seconds,
+            verdicts=result.verdicts,
+            hardly_judged=result.hardly_judged,
         )
         write_run(folder, dataclasses.replace(config, substeps=result.substeps, trained=trained))
         return result

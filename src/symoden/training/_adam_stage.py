@@ -90,9 +90,9 @@ class AdamStage(AbstractStage):
         finished = state.step >= self.steps
         return state, Report(loss, validation, finished=finished, outcome="all steps taken" if finished else "")
 
-    def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
+    def settled(self, state: TrainingState) -> tuple[TrainingState, None]:
         """As it is."""
-        return state, ""
+        return state, None
 
     @functools.cached_property
     def _kinds(self) -> int:

@@ -1,6 +1,7 @@
 """Checkpoints: the state of training as a file that is whole or absent."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import equinox as eqx
@@ -10,7 +11,7 @@ import numpy as np
 
 from symoden.storage import StorageError, load_arrays, save_arrays
 
-from ._state import TrainingState
+from ._state import Findings, TrainingState
 
 _NUMBERS = {
     "stage": int,
@@ -23,12 +24,15 @@ _NUMBERS = {
 }
 
 
-def save_checkpoint(path: Path, state: TrainingState, *, stages: Sequence[str], origin: str, seconds: float) -> None:
+def save_checkpoint(
+    path: Path, state: TrainingState, findings: Findings, *, stages: Sequence[str], origin: str, seconds: float
+) -> None:
     """Write the state of training.
 
     Args:
         path: The file.
         state: What a resumed run needs.
+        findings: What the stages so far have come to.
         stages: Names of all stages.
         origin: What tells the data and settings from others.
         seconds: Time spent so far [s].
@@ -39,12 +43,12 @@ def save_checkpoint(path: Path, state: TrainingState, *, stages: Sequence[str], 
     leaves = [leaf for leaf in jax.tree.leaves(state) if eqx.is_array(leaf)]
     plain = {name: repr(getattr(state, name)) for name in _NUMBERS}
     plain |= {"incumbent_origin": repr(state.incumbent.origin), "seconds": repr(seconds)}
-    plain |= {"stages": ", ".join(stages), "data and settings": origin}
+    plain |= {"stages": ", ".join(stages), "data and settings": origin, "findings": json.dumps(findings)}
     save_arrays(path, {f"{i:04d}": np.asarray(leaf) for i, leaf in enumerate(leaves)}, plain)
 
 
-def read_progress(path: Path, stages: Sequence[str], origin: str) -> tuple[int, float]:
-    """Stage in progress and time spent, without the arrays' meaning.
+def read_progress(path: Path, stages: Sequence[str], origin: str) -> tuple[int, float, Findings]:
+    """Stage in progress, time spent and what the stages before have come to, without the arrays' meaning.
 
     Args:
         path: The checkpoint.
@@ -52,7 +56,7 @@ def read_progress(path: Path, stages: Sequence[str], origin: str) -> tuple[int, 
         origin: What tells the data and settings from others.
 
     Returns:
-        Index of the stage, and seconds.
+        Index of the stage, seconds, and what is said of the stages before.
 
     Raises:
         StorageError: If the file is absent or damaged, or comes from other data or settings, or another version.
@@ -61,8 +65,8 @@ def read_progress(path: Path, stages: Sequence[str], origin: str) -> tuple[int, 
     # Of another version's stages the same number is another one.
     if (plain.get("stages"), plain.get("data and settings")) != (", ".join(stages), origin):
         raise StorageError(_foreign(path))
-    numbers = _numbers(path, plain, {"stage": int, "seconds": float})
-    return numbers["stage"], numbers["seconds"]
+    found = _parsed(path, plain, {"stage": int, "seconds": float, "findings": _findings})
+    return found["stage"], found["seconds"], found["findings"]
 
 
 def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
@@ -86,12 +90,18 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
         raise StorageError(_foreign(path))
     restored = iter(saved)
     state = structure.unflatten([jnp.asarray(next(restored)) if eqx.is_array(leaf) else leaf for leaf in leaves])
-    origin = _numbers(path, plain, {"incumbent_origin": int})["incumbent_origin"]
-    return state._replace(**_numbers(path, plain, _NUMBERS), incumbent=state.incumbent._replace(origin=origin))
+    origin = _parsed(path, plain, {"incumbent_origin": int})["incumbent_origin"]
+    return state._replace(**_parsed(path, plain, _NUMBERS), incumbent=state.incumbent._replace(origin=origin))
 
 
-def _numbers(path: Path, plain: dict, kinds: dict[str, type]) -> dict:
-    """Numbers of a checkpoint by name."""
+def _findings(text: str) -> Findings:
+    """What the stages have come to, as it was written."""
+    outcome, verdicts, hardly = json.loads(text)
+    return Findings(outcome, dict(verdicts), tuple(hardly))
+
+
+def _parsed(path: Path, plain: dict, kinds: dict[str, Callable]) -> dict:
+    """Numbers and the like of a checkpoint by name."""
     try:
         return {name: kind(plain[name]) for name, kind in kinds.items()}
     except (KeyError, TypeError, ValueError) as error:

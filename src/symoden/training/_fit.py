@@ -63,6 +63,7 @@ class FitResult:
             `infer_posterior(..., substeps=substeps)`.
         ensemble: Models that were trained like it, if any were asked for.
         verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
+        hardly_judged: Those of them that so few windows of validation refused that these hardly tell.
     """
 
     model: AbstractDynamics
@@ -73,6 +74,7 @@ class FitResult:
     substeps: int
     ensemble: Ensemble | None = None
     verdicts: dict[str, str] = field(default_factory=dict)
+    hardly_judged: tuple[str, ...] = ()
 
     @property
     def solver(self) -> RK4:
@@ -155,8 +157,8 @@ def fit(
         begun = state.model
         counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
-        state, outcome, verdicts = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
-        completed, ensemble = state.stage == len(stages), None
+        state, findings = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
+        completed, ensemble, outcome = state.stage == len(stages), None, findings.outcome
         state = _rated(stages, state, completed=completed)
         _refuse_lost(state, config, completed=completed)
         visited = np.concatenate([each.q for each in dataset.train])
@@ -182,7 +184,8 @@ def fit(
         seconds=watch.seconds,
         substeps=state.substeps,
         ensemble=ensemble,
-        verdicts=verdicts,
+        verdicts=findings.verdicts,
+        hardly_judged=findings.hardly_judged,
     )
 
 

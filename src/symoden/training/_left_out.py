@@ -11,7 +11,7 @@ from ._data import Data
 from ._flatten import Flattening
 from ._levenberg_marquardt import LevenbergState, LevenbergStep
 from ._objective import AbstractObjective, Batch
-from ._verdicts import standard_errors, window_losses, words_of
+from ._verdicts import Judge, Verdict, by_windows, window_losses
 
 _FOLDS: Final = 5
 _STALLED: Final = 0.01  # Relative decrease of the loss in a step that counts as none.
@@ -57,8 +57,10 @@ class Contender(NamedTuple):
         return restore(state.theta)
 
 
-def gain_in_turn(data: Data, ours: Contender, theirs: Contender, objective: AbstractObjective) -> tuple[float, str]:
-    """By how many standard errors a model predicts windows that are left out better than another; and in words.
+def by_left_out(
+    data: Data, ours: Contender, theirs: Contender, objective: AbstractObjective, *, wanted: float
+) -> Verdict:
+    """The verdict of windows that are left out, on a model and another that it had to improve on.
 
     Both are fitted to four fifths of the training windows at a time, and judged by the others; the windows of
     validation, which neither was fitted to, count as well.
@@ -68,21 +70,17 @@ def gain_in_turn(data: Data, ours: Contender, theirs: Contender, objective: Abst
         ours: The model.
         theirs: The one before.
         objective: What errors count.
+        wanted: By more than so many standard errors it has to be better.
 
     Returns:
-        Standard errors as `standard_errors` counts them, of the opposite sign. Both losses and these.
+        The verdict.
     """
     assert data.validation is not None
     here, there = (window_losses(each.model, objective, data.validation) for each in (ours, theirs))
     for fitted, left_out in _folds(data.train):
         losses = (window_losses(each.refitted(fitted), objective, left_out) for each in (ours, theirs))
         here, there = (np.concatenate(pair) for pair in zip((here, there), losses, strict=True))
-    gained = -standard_errors(here, there)
-    loss, other = (float(np.mean(each)) for each in (here, there))
-    return (
-        gained,
-        f"a loss of {loss:.2g} over {len(here)} windows left out in turn, before {other:.2g}: {words_of(gained)}",
-    )
+    return by_windows(Judge.LEFT_OUT, here, there, wanted=wanted)
 
 
 def _folds(windows: Batch) -> Iterator[tuple[Batch, Batch]]:

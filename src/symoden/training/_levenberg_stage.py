@@ -17,7 +17,7 @@ from ._beginnings import AbstractBeginning, Best, Refitted, Untrained, Without
 from ._config import TrainingConfig
 from ._data import Data
 from ._flatten import Flattening, cast, drawn, freed
-from ._left_out import Contender, gain_in_turn
+from ._left_out import Contender, by_left_out
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
 from ._objective import AbstractObjective, Batch
@@ -25,7 +25,7 @@ from ._relevance import Relevance, free_scale, remembered
 from ._residuals import evaluate_loss, integration_error
 from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage
 from ._state import Incumbent, Report, TrainingState
-from ._verdicts import LOST, by_rollouts, fits_better, gain
+from ._verdicts import LOST, Skipped, Verdict, by_rollouts, by_validation
 from ._weak_form import WeakForm
 from ._weighing import Weighing
 
@@ -143,9 +143,9 @@ class LevenbergStage(AbstractStage):
     def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
         """Take one step."""
         if state.step == 0 and (why := self._needless(state)):
-            state, verdict = self._undone(state), f"skipped ({why})"
+            state = self._undone(state)
             loss = state.best_loss
-            return state, Report(loss, loss, finished=True, outcome=why, verdict=verdict)
+            return state, Report(loss, loss, finished=True, outcome=why, verdict=Skipped(why))
         substeps = self._refined(state)
         objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
@@ -179,16 +179,16 @@ class LevenbergStage(AbstractStage):
                 model, judged = state.best, state.best_loss
                 state = state._replace(step=self.plain, model=model, damping=self.config.damping, stale=0)
         ended, outcome = self._ended(state)
-        verdict = ""
+        verdict = None
         if ended:
             state = state._replace(best=model, best_loss=judged) if self.learns else state
             state, verdict = self._concluded(state)
         return state, Report(step.after, validation, ended, outcome, verdict)
 
-    def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
+    def settled(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
         """With what came of it so far, the priors as they are by now, if that is to be kept."""
         if not state.step or self._rivalled:  # What some recordings alone have made, or nothing has.
-            return self._undone(state), ""
+            return self._undone(state), None
         if not self.learns:
             return self._concluded(state)
         loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.judged)
@@ -307,34 +307,33 @@ class LevenbergStage(AbstractStage):
         priors = priors if evident else priors._replace(evidence=record)
         return state._replace(memory=priors, stale=0 if evident or step.falls_by(_FALLING) else state.stale + 1)
 
-    def _concluded(self, state: TrainingState) -> tuple[TrainingState, str]:
-        """State at the end of the stage, with what came of it or as it was before; and the verdict in words."""
+    def _concluded(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
+        """State at the end of the stage, with what came of it or as it was before; and the verdict."""
         if self.rivals:
             undone = self._undone(state)
-            return undone._replace(incumbent=undone.incumbent._replace(rival=state.model)), ""
-        before = state.incumbent.rival
+            return undone._replace(incumbent=undone.incumbent._replace(rival=state.model)), None
+        verdict = self._judged(state)
+        return state if verdict is None or verdict.kept else self._undone(state), verdict
+
+    def _judged(self, state: TrainingState) -> Verdict | None:
+        """The verdict on what came of the stage, if it has to gain something, and there is something to judge by."""
+        best, before = state.best, state.incumbent.rival
         if self.rollouts is not None:
-            better, why = by_rollouts(self.rollouts, state.best, before)
-            return (state, f"kept ({why})") if better else (self._undone(state), f"not kept ({why})")
+            return by_rollouts(self.rollouts, best, before)
         if self.margin is None or self.data.validation is None:
-            return state, ""
+            return None
         objective = self.objective(state.substeps, state.weighing)
         if self.data.in_turn and (self.frees or self.learns):  # Else both would be fitted to the same end.
-            ours = self._contender(state, state.best, self._free(state.best, before), state.memory)
+            ours = self._contender(state, best, self._free(best, before), state.memory)
             theirs = self._contender(state, before, freed(before), state.incumbent.memory)
-            gained, why = gain_in_turn(self.data, ours, theirs, objective)
+            verdict = by_left_out(self.data, ours, theirs, objective, wanted=self.margin)
         else:
-            chosen = self.data.in_turn  # By the training windows.
-            loss = evaluate_loss(state.best, objective, self.data.held_out) if chosen else state.best_loss
-            gained, why = gain(self.data, state.best, loss, before, objective)
-        why += "" if math.isinf(gained) else f", more than {self.margin:+.3g} wanted"
-        leaner = isinstance(self.begins, Without)
-        fits, said = fits_better(self.data, state.best, before, objective) if leaner else (True, "")
-        if gained > self.margin and fits:
-            freed_too = self.learns and FRICTION & freed(state.best) & ~freed(state.incumbent.model)
-            also = "; frees friction's laws too, under learned priors" if freed_too else ""
-            return state, f"kept ({why}{said}{also})"
-        return self._undone(state), f"not kept ({why}{said})"
+            verdict = by_validation(self.data, best, before, objective, last=state.model, wanted=self.margin)
+        if isinstance(self.begins, Without):
+            ours, theirs = (evaluate_loss(each, objective, self.data.train) for each in (best, before))
+            verdict = verdict._replace(fitted=(ours, theirs))
+        freed_too = self.learns and FRICTION & freed(best) & ~freed(state.incumbent.model)
+        return verdict._replace(frees_friction=bool(freed_too))
 
     def _contender(
         self, state: TrainingState, model: AbstractDynamics, corrections: int, priors: Relevance

@@ -13,7 +13,7 @@ from symoden.storage import StorageError, write_atomically
 
 from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
 from ._stages import AbstractStage
-from ._state import TrainingState
+from ._state import Findings, TrainingState
 
 MODEL: Final = "model.safetensors"
 """File of the model in the folder of a run."""
@@ -118,7 +118,9 @@ class Journal:
         """The file of one JSON object a stride."""
         return None if self.folder is None else self.folder / "metrics.jsonl"
 
-    def read(self, stages: Sequence[AbstractStage], state: TrainingState) -> tuple[TrainingState, list[dict], float]:
+    def read(
+        self, stages: Sequence[AbstractStage], state: TrainingState
+    ) -> tuple[TrainingState, Findings, list[dict], float]:
         """Go back to the checkpoint.
 
         Args:
@@ -126,17 +128,17 @@ class Journal:
             state: State before the first of them.
 
         Returns:
-            The saved state, the metrics up to it and the time spent [s]; the fresh start without a checkpoint.
+            The saved state, what stages have come to, the metrics up to then and the time spent [s]; the fresh start
+            without a checkpoint.
 
         Raises:
             StorageError: If the checkpoint is damaged, or of other data or settings.
         """
         if self.checkpoint is None or not self.checkpoint.exists():
-            return stages[0].start(state), [], 0.0
-        stage, seconds = read_progress(self.checkpoint, _names(stages), self.origin)
+            return stages[0].start(state), Findings.none(), [], 0.0
+        stage, seconds, findings = read_progress(self.checkpoint, _names(stages), self.origin)
         like = stages[min(stage, len(stages) - 1)].start(state)
-        state = load_checkpoint(self.checkpoint, like)
-        return state, self._lines(seconds), seconds
+        return load_checkpoint(self.checkpoint, like), findings, self._lines(seconds), seconds
 
     def _lines(self, seconds: float) -> list[dict]:
         """The metrics up to a time."""
@@ -152,13 +154,20 @@ class Journal:
             ) from None
 
     def write(
-        self, stages: Sequence[AbstractStage], state: TrainingState, lines: Sequence[dict], *, seconds: float
+        self,
+        stages: Sequence[AbstractStage],
+        state: TrainingState,
+        findings: Findings,
+        lines: Sequence[dict],
+        *,
+        seconds: float,
     ) -> None:
         """Save the metrics, then the state that they lead to.
 
         Args:
             stages: All stages.
             state: State of training.
+            findings: What the stages so far have come to.
             lines: All metrics so far.
             seconds: Time spent [s].
 
@@ -168,7 +177,7 @@ class Journal:
         if self.checkpoint is None or self.metrics is None:
             return
         write_atomically(self.metrics, "".join(json.dumps(line) + "\n" for line in lines).encode())
-        save_checkpoint(self.checkpoint, state, stages=_names(stages), origin=self.origin, seconds=seconds)
+        save_checkpoint(self.checkpoint, state, findings, stages=_names(stages), origin=self.origin, seconds=seconds)
 
 
 def run(
@@ -179,7 +188,7 @@ def run(
     resume: bool,
     watch: Stopwatch,
     progress: Callable[[Progress], None],
-) -> tuple[TrainingState, str, dict[str, str]]:
+) -> tuple[TrainingState, Findings]:
     """Go through the stages.
 
     Args:
@@ -191,11 +200,11 @@ def run(
         progress: Called after every stride.
 
     Returns:
-        The last state, how it ended in words, and the verdict on every stage that had to gain something.
+        The last state, and how it ended and the verdicts on stages, those before a resumption too.
     """
-    lines = []
+    findings, lines = Findings.none(), []
     if resume:
-        state, lines, watch.spent = journal.read(stages, state)
+        state, findings, lines, watch.spent = journal.read(stages, state)
     elif stages:
         state = stages[0].start(state)
     while state.stage < len(stages):
@@ -203,31 +212,27 @@ def run(
         state, report = stage.advance(state)
         seconds = watch.seconds
         done = stage.name, state.step, stage.steps, report.loss, report.validation, seconds
-        now = Progress(*done, report.outcome, report.verdict)
+        now = Progress(*done, report.outcome, "" if report.verdict is None else str(report.verdict))
         lines.append({key: _json(value) for key, value in now._asdict().items()})
+        findings = findings.told(stage.name, report.verdict)
         if report.finished:
+            # Why a stage was skipped says nothing of the training.
+            findings = findings._replace(outcome=report.outcome) if state.step else findings
             state = _next(stages, state)
-        journal.write(stages, state, lines, seconds=seconds)
+        journal.write(stages, state, findings, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             progress(now)
         if watch.is_over() and state.stage < len(stages):
             left = stages[state.stage :]
             state, verdict = left[0].settled(state)
-            so_far = {left[0].name: f"cut short, {verdict}"} if verdict else {}
-            return state, watch.outcome(_names(left)), _verdicts(lines) | so_far
-    # Those before a resumption too; why a stage was skipped says nothing of the training.
-    outcomes = [line["outcome"] for line in lines if line.get("outcome") and line["step"]]
-    return state, outcomes[-1] if outcomes else "all steps taken", _verdicts(lines)
+            cut_short = None if verdict is None else verdict._replace(cut_short=True)
+            return state, findings.told(left[0].name, cut_short)._replace(outcome=watch.outcome(_names(left)))
+    return state, findings
 
 
 def _names(stages: Sequence[AbstractStage]) -> list[str]:
     """What reports call them."""
     return [stage.name for stage in stages]
-
-
-def _verdicts(lines: Sequence[dict]) -> dict[str, str]:
-    """Verdicts by the names of the stages."""
-    return {line["stage"]: line["verdict"] for line in lines if line.get("verdict")}
 
 
 def _next(stages: Sequence[AbstractStage], state: TrainingState) -> TrainingState:

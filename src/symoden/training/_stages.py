@@ -6,6 +6,7 @@ from typing import Final
 from symoden.mechanics import AbstractDynamics
 
 from ._state import Report, TrainingState
+from ._verdicts import Verdict
 
 FOUND: Final = 0.1  # Mean squared residual, relative to the motion, below which a model is in the right basin.
 EXPLAINED: Final = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
@@ -56,5 +57,5 @@ class AbstractStage(abc.ABC):
         """Take one stride."""
 
     @abc.abstractmethod
-    def settled(self, state: TrainingState) -> tuple[TrainingState, str]:
+    def settled(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
         """State with the best model so far, where training stops before the stage has ended; and the verdict on it."""

@@ -6,6 +6,7 @@ from jaxtyping import PyTree
 
 from symoden.mechanics import AbstractDynamics
 
+from ._verdicts import Skipped, Verdict
 from ._weighing import Weighing
 
 
@@ -67,12 +68,46 @@ class Report(NamedTuple):
         validation: Validation loss; None without validation data.
         finished: Whether the stage is over.
         outcome: Why, in words; empty while it goes on.
-        verdict: Whether what came of it is kept, and by what, or that it was skipped, in words; empty while it goes on,
-            and where nothing else than the loss was asked.
+        verdict: Whether what came of it is kept, and by what, or that it was skipped; None while it goes on, and where
+            nothing else than the loss was asked.
     """
 
     loss: float
     validation: float | None
     finished: bool
     outcome: str = ""
-    verdict: str = ""
+    verdict: Verdict | Skipped | None = None
+
+
+class Findings(NamedTuple):
+    """What stages have come to.
+
+    Attributes:
+        outcome: Why the last one ended that took a step, in words.
+        verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
+        hardly_judged: Those of them that so few windows refused that these hardly tell.
+    """
+
+    outcome: str
+    verdicts: dict[str, str]
+    hardly_judged: tuple[str, ...]
+
+    @classmethod
+    def none(cls) -> "Findings":
+        """What is known before the first one."""
+        return cls("all steps taken", {}, ())
+
+    def told(self, stage: str, verdict: Verdict | Skipped | None) -> "Findings":
+        """The same with another verdict, if there is one.
+
+        Args:
+            stage: Name of the stage.
+            verdict: The verdict on it.
+
+        Returns:
+            What is known then.
+        """
+        if verdict is None:
+            return self
+        hardly = (*self.hardly_judged, stage) if verdict.hardly else self.hardly_judged
+        return self._replace(verdicts=self.verdicts | {stage: str(verdict)}, hardly_judged=hardly)

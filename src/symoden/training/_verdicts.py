@@ -1,8 +1,10 @@
 """Whether a model is better than the one before: losses on validation windows, and what chance makes of them."""
 
+import enum
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
+import equinox as eqx
 import numpy as np
 import scipy.stats
 from jaxtyping import Float
@@ -28,47 +30,178 @@ _FEW, _MOSTLY = 3, 0.75
 _LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
 
 
-def gain(
-    data: Data, model: AbstractDynamics, loss: float, before: AbstractDynamics, objective: AbstractObjective
-) -> tuple[float, str]:
-    """By how many standard errors the validation loss of a model is below that of the one before; and in words.
+class Judge(enum.Enum):
+    """What tells whether a stage has gained something."""
+
+    VALIDATION = "validation loss"
+    TRAINING = "training loss"
+    LEFT_OUT = "windows left out in turn"
+    ROLLOUTS = "rollouts"
+
+
+class Verdict(NamedTuple):
+    """Whether what came of a stage is kept, and what tells; its string says it in words.
+
+    Attributes:
+        by: What judged it.
+        loss: Loss of what came of it.
+        before: Loss of what it had to improve on.
+        windows: Number of windows that judged.
+        gained: By how many standard errors it is better, as `standard_errors` counts them.
+        wanted: More than so many had to be.
+        moved: Whether a step was better than what it had to improve on; else the loss is that of the last one.
+        fitted: Training losses of both where the first must be lower, too.
+        frees_friction: Whether it has set friction's laws free by the way.
+        cut_short: Whether time ran out before it ended.
+    """
+
+    by: Judge
+    loss: float
+    before: float
+    windows: int
+    gained: float
+    wanted: float
+    moved: bool = True
+    fitted: tuple[float, float] | None = None
+    frees_friction: bool = False
+    cut_short: bool = False
+
+    @property
+    def kept(self) -> bool:
+        """Whether it is."""
+        fits = self.fitted is None or self.fitted[0] < self.fitted[1]
+        return self.gained > self.wanted and not self._is_lost and fits
+
+    @property
+    def hardly(self) -> bool:
+        """Whether it is refused by so few windows that this is hardly a verdict."""
+        return not self.kept and self._by_few and math.isfinite(self.gained)
+
+    @property
+    def _by_few(self) -> bool:
+        """Whether hardly any windows judged."""
+        return self.windows <= HARDLY_ANY and self.by is not Judge.ROLLOUTS
+
+    @property
+    def _is_lost(self) -> bool:
+        """Whether few windows are lost, whose standard errors tell little."""
+        return self.moved and self._by_few and self.loss > LOST * self.before
+
+    def __str__(self) -> str:
+        """In words."""
+        loss, before, by = f"{self.loss:.2g}", f"{self.before:.2g}", self.by.value
+        if not self.moved:
+            tells = f"no step lowered the {by}: {before} before, {loss} at the end"
+        elif self.by is Judge.ROLLOUTS:
+            tells = f"a loss of {loss} over {by}, {before} without"
+        elif self.by is Judge.LEFT_OUT:
+            tells = f"a loss of {loss} over {self.windows} {by}, before {before}: {self._size}"
+        else:
+            tells = f"{by} {loss}, before {before}: {self._size}"
+        if self.fitted is not None:
+            tells += "; training loss {:.2g}, before {:.2g}".format(*self.fitted)
+        if self.kept and self.frees_friction:
+            tells += "; frees friction's laws too, under learned priors"
+        kept = "not kept" if not self.kept else "kept" if self.moved else "kept as it was"
+        return f"{'cut short, ' if self.cut_short else ''}{kept} ({tells})"
+
+    @property
+    def _size(self) -> str:
+        """How much it has gained, in words."""
+        if math.isinf(self.gained):
+            return "a tenth or less" if self.gained > 0 else "tenfold or more"
+        of = f" of {self.windows} window{'' if self.windows == 1 else 's'}" if self._by_few else ""
+        bound = f"more than {self.wanted:+.3g} wanted"
+        if self._is_lost:
+            bound = f"which hardly tell, but {LOST:g} times as much or more"
+        return f"{round(self.gained, 2) + 0.0:+.2f} standard errors{of}, {bound}"
+
+
+class Skipped(NamedTuple):
+    """That a stage had nothing to do; its string says it in words.
+
+    Attributes:
+        why: Why, in words.
+    """
+
+    why: str
+
+    @property
+    def hardly(self) -> bool:
+        """No windows refused it."""
+        return False
+
+    def __str__(self) -> str:
+        """In words."""
+        return f"skipped ({self.why})"
+
+
+def by_windows(by: Judge, here: Float[np.ndarray, " W"], there: Float[np.ndarray, " W"], *, wanted: float) -> Verdict:
+    """The verdict of windows.
 
     Losses of different stages cannot be compared: these count errors otherwise, in other windows.
 
     Args:
-        data: Windows to judge by.
-        model: The model.
-        loss: Its validation loss.
-        before: The one before.
-        objective: What errors count.
+        by: Which ones they are.
+        here: Their losses with what came of a stage.
+        there: Those with what it had to improve on.
+        wanted: By more than so many standard errors it has to be better.
 
     Returns:
-        Standard errors as `standard_errors` counts them, of the opposite sign, minus infinity where few windows are
-        lost: theirs tell little. Both losses and these.
+        The verdict.
     """
-    gained = -compare(data, model, before, objective)
-    windows = data.held_out.ts.shape[0]
-    few = f" of {windows} window{'' if windows == 1 else 's'}" if windows <= HARDLY_ANY else ""
-    size = words_of(gained, few)
-    other = evaluate_loss(before, objective, data.held_out)
-    if few and loss > LOST * other and math.isfinite(gained):
-        gained, size = -math.inf, f"{size}, which hardly tell, but {LOST:g} times as much or more"
-    return gained, f"validation loss {loss:.2g}, before {other:.2g}: {size}"
+    with np.errstate(over="ignore"):
+        loss, before = (float(np.mean(each)) for each in (here, there))
+    return Verdict(by, loss, before, len(here), -standard_errors(here, there), wanted)
 
 
-def words_of(gained: float, few: str = "") -> str:
-    """What a model has gained.
+def by_validation(
+    data: Data,
+    model: AbstractDynamics,
+    before: AbstractDynamics,
+    objective: AbstractObjective,
+    *,
+    last: AbstractDynamics,
+    wanted: float,
+) -> Verdict:
+    """The verdict of the windows of validation.
 
     Args:
-        gained: Standard errors.
-        few: Of how many windows, where that is worth a word.
+        data: The windows.
+        model: What came of a stage.
+        before: What it had to improve on.
+        objective: What errors count.
+        last: The model of the last step.
+        wanted: By more than so many standard errors it has to be better.
 
     Returns:
-        The words.
+        The verdict.
     """
-    if math.isinf(gained):
-        return "a tenth or less" if gained > 0 else "tenfold or more"
-    return f"{round(gained, 2) + 0.0:+.2f} standard errors{few}"
+    assert data.validation is not None
+    here, there = (window_losses(each, objective, data.validation) for each in (model, before))
+    verdict = by_windows(Judge.VALIDATION, here, there, wanted=wanted)
+    if not eqx.tree_equal(model, before):
+        return verdict
+    by, chosen = (Judge.TRAINING if data.in_turn else Judge.VALIDATION), data.judged  # By which steps were chosen.
+    loss, other = (evaluate_loss(each, objective, chosen) for each in (last, before))
+    return verdict._replace(by=by, loss=loss, before=other, windows=chosen.ts.shape[0], moved=False)
+
+
+def by_rollouts(data: Data, model: AbstractDynamics, before: AbstractDynamics) -> Verdict:
+    """The verdict on a model that was found without rollouts: these must be better than those of the one before.
+
+    Args:
+        data: Windows to roll out.
+        model: The model.
+        before: The one before.
+
+    Returns:
+        The verdict.
+    """
+    models = (cast(each, data.judged.q.dtype) for each in (model, before))
+    after, other = (evaluate_loss(each, data.objective, data.judged) for each in models)
+    windows = data.judged.ts.shape[0]
+    return Verdict(Judge.ROLLOUTS, after, other, windows, math.inf if after < other else -math.inf, wanted=0.0)
 
 
 def compare(data: Data, model: AbstractDynamics, other: AbstractDynamics, objective: AbstractObjective) -> float:
@@ -98,10 +231,11 @@ def window_losses(model: AbstractDynamics, objective: AbstractObjective, windows
         windows: Any windows.
 
     Returns:
-        Mean of its squared residuals; not finite where a rollout diverges.
+        Mean of its squared residuals; infinite where a rollout diverges.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.mean(np.asarray(evaluate_residuals(model, objective, windows), float) ** 2, axis=(1, 2))
+        losses = np.mean(np.asarray(evaluate_residuals(model, objective, windows), float) ** 2, axis=(1, 2))
+    return np.where(np.isnan(losses), np.inf, losses)
 
 
 def standard_errors(here: Float[np.ndarray, " W"], there: Float[np.ndarray, " W"]) -> float:
@@ -131,40 +265,6 @@ def standard_errors(here: Float[np.ndarray, " W"], there: Float[np.ndarray, " W"
         return 0.0
     mean, error = float(np.mean(here - there)), float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
     return _normal_deviate(mean / max(error, _LEAST_ERROR * abs(mean), float(np.finfo(float).tiny)), len(here) - 1)
-
-
-def fits_better(
-    data: Data, model: AbstractDynamics, before: AbstractDynamics, objective: AbstractObjective
-) -> tuple[bool, str]:
-    """Whether a model of other parts fits what both were trained on better; and in words, to be added to others.
-
-    Args:
-        data: Windows that both were trained on.
-        model: The model.
-        before: The one before.
-        objective: What errors count.
-
-    Returns:
-        Both.
-    """
-    ours, theirs = (evaluate_loss(each, objective, data.train) for each in (model, before))
-    return ours < theirs, f"; training loss {ours:.2g}, before {theirs:.2g}"
-
-
-def by_rollouts(data: Data, model: AbstractDynamics, before: AbstractDynamics) -> tuple[bool, str]:
-    """Whether rollouts of a model that was found without any are better than those of the one before; and in words.
-
-    Args:
-        data: Windows to roll out.
-        model: The model.
-        before: The one before.
-
-    Returns:
-        Both.
-    """
-    models = (cast(each, data.judged.q.dtype) for each in (model, before))
-    after, other = (evaluate_loss(each, data.objective, data.judged) for each in models)
-    return after < other, f"a loss of {after:.2g} over rollouts, {other:.2g} without"
 
 
 def _normal_deviate(student: float, degrees: int) -> float:
