@@ -13,7 +13,7 @@ from symoden.data import Dataset, Trajectory, halves
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _levenberg_stage, fit
-from symoden.training._beginnings import Refitted
+from symoden.training._beginnings import Best, Joined, Refitted
 from symoden.training._config import TrainingConfig
 from symoden.training._data import across_recordings, hold_out, levenberg_data
 from symoden.training._fit import _prepare
@@ -76,11 +76,11 @@ def test_what_networks_learned_is_fitted_to_all_recordings_then(count):
     names = [each.name for each in stages]
     if parted is None:
         assert names[-1] == "growth"
-        assert not any(each.parted for each in stages)
+        assert not any(each.data.parted for each in stages)
         return
     assert names[-3:] == ["refit on half", "growth", "growth on all"]
-    roles = [(each.parted, each.rivals, isinstance(each.begins, Refitted), each.joins) for each in stages[-3:]]
-    assert roles == [(True, True, False, False), (True, False, True, False), (False, False, False, True)]
+    roles = [(each.data.parted, each.rivals, type(each.begins)) for each in stages[-3:]]
+    assert roles == [(True, True, Best), (True, False, Refitted), (False, False, Joined)]
     assert stages[-3].data is stages[-2].data
     assert len(stages[-2].data.train.ts) == len(parted.train.ts)
     assert len(stages[-1].data.train.ts) == len(data.train.ts)
@@ -150,7 +150,7 @@ def test_the_loss_is_that_of_validation_whoever_judged_networks(pendulum, small,
     assert "not kept" in result.verdicts["growth"]
     last: Any = _prepare(dataset, small, config)[0][-1]
     parted: Any = _prepare(dataset, small, config)[0][-2]
-    losses = [each._loss(result.model, result.substeps, each.data.judged) for each in (last, parted)]
+    losses = [each._loss(result.model, result.substeps, each.data.choosing) for each in (last, parted)]
     assert result.loss == pytest.approx(losses[0], rel=1e-3)
     assert result.loss != pytest.approx(losses[1], rel=1e-3)
 
@@ -163,7 +163,7 @@ def test_all_that_networks_made_is_judged_against_what_was_before_halves(rivalry
     after, _ = growth.advance(begun)
     assert eqx.tree_equal(growth.settled(after)[0].best, best)
     after = after._replace(best=after.model)
-    on_all = LevenbergStage(rival.data, quick, "growth on all", 2, margin=-1.0, joins=True)
+    on_all = LevenbergStage(rival.data, quick, "growth on all", 2, margin=-1.0, begins=Joined())
     joined = on_all.start(after)
     assert eqx.tree_equal((joined.best, joined.incumbent.model, joined.incumbent.rival), (after.best, best, best))
     assert joined.incumbent.origin == before.origin

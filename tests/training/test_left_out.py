@@ -137,7 +137,7 @@ def test_it_is_for_given_energies_and_few_windows_of_validation(resting, prepare
     held, model, stages = prepared
     data = levenberg_data(held, model, CONFIG)
     assert data.in_turn
-    assert data.judged is data.train
+    assert data.choosing is data.train
     assert [stage.data.in_turn for stage in stages if stage.name == "friction"] == [True]
     networked = dataclasses.replace(MODEL, friction=BlockConfig(hidden=(3,), constant=True))
     growth: list[Any] = [stage for stage in _prepare(resting, networked, CONFIG)[0] if stage.name == "growth"]

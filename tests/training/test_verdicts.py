@@ -88,7 +88,7 @@ def test_where_no_step_was_better_no_model_is_compared_with_itself(stage, margin
     verdict: Any = report.verdict
     assert eqx.tree_equal(after.best, started.best)
     objective = worse.objective(after.substeps, after.weighing)
-    losses = [evaluate_loss(model, objective, data.judged) for model in (after.model, started.best)]
+    losses = [evaluate_loss(model, objective, data.choosing) for model in (after.model, started.best)]
     assert (verdict.moved, verdict.loss, verdict.before) == (False, *losses)
     judged = "training" if in_turn else "validation"
     words = f"no step lowered the {judged} loss: {losses[1]:.2g} before, {losses[0]:.2g} at the end"

@@ -57,7 +57,7 @@ class AdamStage(AbstractStage):
         memory = self._optimizer.init(eqx.filter(lean, trainable(lean, corrections=self._kinds)))
         best, loss, known = cast(state.best, dtype), state.best_loss, state.memory
         if isinstance(known, Relevance):  # A regression's loss is no rollout's.
-            loss = evaluate_loss(best, self.data.objective, self.data.judged)
+            loss = evaluate_loss(best, self.data.objective, self.data.choosing)
         else:
             known = Relevance.start(best, self.config.prior)
         incumbent = Incumbent(best, known, state.origin, state.weighing, rival=best)

@@ -3,17 +3,28 @@
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import final
+from typing import ClassVar, final
 
 from symoden.blocks import DIRECTIONS, FRICTION, silenced
 from symoden.mechanics import AbstractDynamics
 
 from ._flatten import freed
-from ._state import TrainingState
+from ._state import Incumbent, TrainingState
 
 
 class AbstractBeginning(abc.ABC):
-    """What a stage begins with."""
+    """What a stage begins with.
+
+    Attributes:
+        untrained: Whether nothing is in it that stages before have found.
+        leaner: Whether it has fewer numbers than the best model: it must fit the training windows better, too.
+        rivalled: Whether the best model becomes it by the recordings of the stage alone: it must predict what judges
+            it, or the stage is left out; where time runs out nothing of it is delivered.
+    """
+
+    untrained: ClassVar[bool] = False
+    leaner: ClassVar[bool] = False
+    rivalled: ClassVar[bool] = False
 
     @abc.abstractmethod
     def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
@@ -38,6 +49,17 @@ class AbstractBeginning(abc.ABC):
         """
         del state
         return True
+
+    def incumbent(self, state: TrainingState) -> Incumbent:
+        """What the stage has to improve on.
+
+        Args:
+            state: State at the end of the stage before.
+
+        Returns:
+            The best model so far.
+        """
+        return Incumbent(state.best, state.memory, state.origin, state.weighing, rival=state.best)
 
     def free(self, model: AbstractDynamics, before: AbstractDynamics) -> int:
         """Which corrections are free whatever the stage sets free, as flags.
@@ -83,6 +105,21 @@ class Best(AbstractBeginning):
 
 @final
 @dataclass(frozen=True)
+class Joined(AbstractBeginning):
+    """What the stage before has made: both are kept or neither."""
+
+    def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
+        """The best model so far."""
+        del loss
+        return state.best
+
+    def incumbent(self, state: TrainingState) -> Incumbent:
+        """What that stage had to improve on."""
+        return state.incumbent._replace(rival=state.incumbent.model)
+
+
+@final
+@dataclass(frozen=True)
 class Without(AbstractBeginning):
     """The best model so far, some of its corrections zero again.
 
@@ -91,6 +128,7 @@ class Without(AbstractBeginning):
     """
 
     kinds: int
+    leaner: ClassVar[bool] = True
 
     def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
         """The model without them."""
@@ -115,6 +153,7 @@ class Untrained(AbstractBeginning):
     """
 
     fresh: AbstractDynamics
+    untrained: ClassVar[bool] = True
 
     def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
         """The untrained model."""
@@ -135,7 +174,13 @@ class Untrained(AbstractBeginning):
 class Refitted(AbstractBeginning):
     """What the stage before has made of the same recordings alone."""
 
+    rivalled: ClassVar[bool] = True
+
     def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
         """The rival of that stage."""
         del loss
         return state.incumbent.rival
+
+    def incumbent(self, state: TrainingState) -> Incumbent:
+        """The best model so far, compared by what it becomes."""
+        return Incumbent(state.best, state.memory, state.origin, state.weighing, rival=state.incumbent.rival)

@@ -59,15 +59,17 @@ class Data(NamedTuple):
         validation: Windows to choose by; None to go by the training windows.
         objective: Weights, solver and hold.
         in_turn: Whether steps are chosen by the training windows, and models judged by those that are left out in turn.
+        parted: Whether some recordings are fitted, and others judge.
     """
 
     train: Batch
     validation: Batch | None
     objective: AbstractObjective
     in_turn: bool = False
+    parted: bool = False
 
     @property
-    def judged(self) -> Batch:
+    def choosing(self) -> Batch:
         """Windows that steps are chosen by."""
         return self.train if self.in_turn else self.held_out
 
@@ -81,7 +83,7 @@ class Data(NamedTuple):
         """Whether there are hardly any windows of validation."""
         return self.validation is not None and self.validation.ts.shape[0] <= HARDLY_ANY
 
-    def judging(self, dynamics: AbstractDynamics) -> "Data":
+    def left_out_in_turn(self, dynamics: AbstractDynamics) -> "Data":
         """The same, judged by windows left out in turn where M and V are given and hardly any windows validate.
 
         Ends of recordings mostly rest. Four windows of them refused all that 25 numbers of a robot description learned,
@@ -158,7 +160,7 @@ def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: Trainin
     """
     horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
     data = _data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
-    return _free_starts(_thinned(data, config.lm_samples), dataset).judging(dynamics)
+    return _free_starts(_thinned(data, config.lm_samples), dataset).left_out_in_turn(dynamics)
 
 
 def regression_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data | None:
@@ -322,7 +324,7 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
         if dataset.validation:
             steps = min(horizon, _usual_steps(dataset.validation, horizon))
             long = long._replace(validation=_cut(dataset.validation, steps, stride=steps, dtype=jnp.float64))
-        long = _thinned(long, config.lm_samples).judging(dynamics)
+        long = _thinned(long, config.lm_samples).left_out_in_turn(dynamics)
         alone = long.validation is not None and long.validation.ts.shape[0] == 1 and not long.in_turn
         if long.train.ts.shape[0] < fewest or alone:  # A single window could not speak against them.
             break
@@ -353,4 +355,4 @@ def across_recordings(dataset: Dataset, dynamics: AbstractDynamics, data: Data, 
         return None
     parted = dataclasses.replace(dataset, train=sides[0], validation=sides[1])
     cut = _data(parted, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
-    return _thinned(cut._replace(objective=data.objective), config.lm_samples)
+    return _thinned(cut._replace(objective=data.objective, parted=True), config.lm_samples)

@@ -270,7 +270,7 @@ def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: 
         return state
     if state.stage < rollouts[0][0]:
         return rollouts[0][1].rated(state)
-    gone = [stage for k, stage in rollouts if not stage.parted and (completed or k <= state.stage)]
+    gone = [stage for k, stage in rollouts if not stage.data.parted and (completed or k <= state.stage)]
     if not gone:
         return state
     rated = gone[-1].rated(state)
@@ -336,7 +336,7 @@ def _pattern(
 ) -> Pattern:
     """How members are trained: as the stage did that the best model came from, from draws after Adam's."""
     last = stages[state.origin]
-    if isinstance(last, LevenbergStage) and last.parted:
+    if isinstance(last, LevenbergStage) and last.data.parted:
         last = stages[-1]  # What it found, on all recordings.
     if not isinstance(last, LevenbergStage) or last.regresses:
         raise TypeError("The best model must come from Levenberg-Marquardt on rollouts.")

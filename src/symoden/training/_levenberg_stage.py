@@ -13,7 +13,7 @@ from symoden.blocks import FRICTION, count_parameters
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
-from ._beginnings import AbstractBeginning, Best, Refitted, Untrained, Without
+from ._beginnings import AbstractBeginning, Best
 from ._config import TrainingConfig
 from ._data import Data
 from ._flatten import Flattening, cast, drawn, freed
@@ -24,7 +24,7 @@ from ._objective import AbstractObjective, Batch
 from ._relevance import Relevance, free_scale, remembered
 from ._residuals import evaluate_loss, integration_error
 from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage
-from ._state import Incumbent, Report, TrainingState
+from ._state import Report, TrainingState
 from ._verdicts import LOST, Skipped, Verdict, by_rollouts, by_validation
 from ._weak_form import WeakForm
 from ._weighing import Weighing
@@ -61,15 +61,12 @@ class LevenbergStage(AbstractStage):
         frees: It sets something free: nothing is done where that is free already, and steps go on as long as they fit
             the data clearly better, unless validation says that all is lost.
         unless: Kinds of corrections, as flags; where one of them is free the stage has nothing to do.
-        begins: What it begins with. Without corrections that were free, it must fit the training windows better, too;
-            with what the stage before refitted, it is left out unless that predicts what judges it.
+        begins: What it begins with, and has to improve on.
         plain: The largest number of steps before priors are learned.
         rollouts: Windows on which the best model has found no basin, as far as a scaled loss tells: else the stage has
             nothing to do. What comes of it is kept if rollouts there are better.
         after: Only where the best model comes from this stage or a later one, by their indices.
-        parted: It fits some recordings and is judged by others.
         rivals: What it makes is not kept, but what the next one must improve on: the best model knows what judges it.
-        joins: It goes on with what the stage before has made; both are kept or neither.
     """
 
     data: Data
@@ -87,9 +84,7 @@ class LevenbergStage(AbstractStage):
     plain: int = 0
     rollouts: Data | None = None
     after: int = 0
-    parted: bool = False
     rivals: bool = False
-    joins: bool = False
 
     def applies(self, state: TrainingState) -> bool:
         """Whether the stages before have left the stage something to do."""
@@ -98,7 +93,7 @@ class LevenbergStage(AbstractStage):
             return False
         if self.unless & freed(state.best) or not self.begins.applies(state):
             return False
-        untrained = isinstance(self.begins, Untrained)
+        untrained = self.begins.untrained
         if self.margin is not None and not untrained and not math.isfinite(state.best_loss):
             return False  # There is nothing to improve on, nor to judge by.
         if self.rollouts is not None:
@@ -112,27 +107,27 @@ class LevenbergStage(AbstractStage):
     def start(self, state: TrainingState) -> TrainingState:
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
-        best = cast(self.begins.model(state, lambda each: self._loss(each, state.substeps, self.data.judged)), dtype)
+        best = cast(self.begins.model(state, lambda each: self._loss(each, state.substeps, self.data.choosing)), dtype)
         weighing = self._plain(best)
         loss = state.best_loss
-        if self._rivalled or (self.margin is not None and self._is_below(EXPLAINED, loss)):  # In these windows, too?
-            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
+        explained = self.margin is not None and self._is_below(EXPLAINED, loss)
+        if explained or self.begins.rivalled:  # In these windows, too?
+            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.choosing)
         if not self._needless(state._replace(best_loss=loss)):
             weighing, loss = self._weighed(best, state)
         fresh = Relevance.start(best, self.config.prior)
         priors = fresh if self.widens else remembered(state.memory, fresh)
         if self.learns:  # Beside the residuals of these windows.
-            kept = self._free(best, state.best) if isinstance(self.begins, Untrained) else freed(best)
+            kept = self._free(best, state.best) if self.begins.untrained else freed(best)
             priors = priors.forgotten().narrowed(best, kept, self.corrections)
-        held = state.best, state.memory, state.origin, state.weighing
-        model, memory, origin, weighed = state.incumbent[:4] if self.joins else held
-        before, memory = cast(model, dtype), remembered(memory, fresh)
+        held = self.begins.incumbent(state)
+        before, rival = cast(held.model, dtype), cast(held.rival, dtype)
         return state._replace(
             step=0,
             model=best,
             weighing=weighing,
             best=best,
-            incumbent=Incumbent(before, memory, origin, weighed, rival=best if self._rivalled else before),
+            incumbent=held._replace(model=before, memory=remembered(held.memory, fresh), rival=rival),
             best_loss=loss,
             origin=state.stage,
             memory=priors,
@@ -149,7 +144,7 @@ class LevenbergStage(AbstractStage):
         substeps = self._refined(state)
         objective = self.objective(substeps, state.weighing)
         if substeps != state.substeps:  # What was best may have fitted the errors of integration.
-            state = state._replace(best_loss=evaluate_loss(state.best, objective, self.data.judged))
+            state = state._replace(best_loss=evaluate_loss(state.best, objective, self.data.choosing))
             state = state._replace(memory=state.memory.unrecorded(), stale=0) if self.learns else state
         restore, theta = self._flattened(state.model, state.incumbent.model)
         before = LevenbergState(theta, state.damping)
@@ -187,11 +182,11 @@ class LevenbergStage(AbstractStage):
 
     def settled(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
         """With what came of it so far, the priors as they are by now, if that is to be kept."""
-        if not state.step or self._rivalled:  # What some recordings alone have made, or nothing has.
+        if not state.step or self.begins.rivalled:  # What some recordings alone have made, or nothing has.
             return self._undone(state), None
         if not self.learns:
             return self._concluded(state)
-        loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.judged)
+        loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.choosing)
         return self._concluded(state._replace(best=state.model, best_loss=loss))
 
     def rated(self, state: TrainingState) -> TrainingState:
@@ -264,10 +259,10 @@ class LevenbergStage(AbstractStage):
         where = self.data.objective, RK4(jnp.asarray(state.substeps)), self.data.train
         level = expected_level(restore, theta, *where)
         weighing = self._plain(best)._replace(level=jnp.asarray(level, float))
-        loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
+        loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.choosing)
         if self.whitens and not self._is_below(EXPLAINED, loss):
             weighing = weigh(*self._flattened(best, state.best), *where, weighing)
-            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.judged)
+            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.choosing)
         return weighing, loss
 
     def _flattened(self, model: AbstractDynamics, before: AbstractDynamics) -> tuple[Flattening, Float[Array, " P"]]:
@@ -291,9 +286,9 @@ class LevenbergStage(AbstractStage):
         """Why the stage has nothing to do, if so."""
         if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
             return "nothing left to explain"
-        if self.frees and not isinstance(self.begins, Without) and not self.corrections & ~freed(state.best):
+        if self.frees and not self.begins.leaner and not self.corrections & ~freed(state.best):
             return "free already"
-        if self._rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
+        if self.begins.rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
             return "what half of the recordings taught does not predict the others, which were to judge"
         return ""
 
@@ -329,7 +324,7 @@ class LevenbergStage(AbstractStage):
             verdict = by_left_out(self.data, ours, theirs, objective, wanted=self.margin)
         else:
             verdict = by_validation(self.data, best, before, objective, last=state.model, wanted=self.margin)
-        if isinstance(self.begins, Without):
+        if self.begins.leaner:
             ours, theirs = (evaluate_loss(each, objective, self.data.train) for each in (best, before))
             verdict = verdict._replace(fitted=(ours, theirs))
         freed_too = self.learns and FRICTION & freed(best) & ~freed(state.incumbent.model)
@@ -345,7 +340,7 @@ class LevenbergStage(AbstractStage):
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""
         best, memory, origin, weighing, _ = state.incumbent
-        loss = evaluate_loss(best, self.objective(state.substeps, state.weighing), self.data.judged)
+        loss = evaluate_loss(best, self.objective(state.substeps, state.weighing), self.data.choosing)
         return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, weighing=weighing)
 
     def _ended(self, state: TrainingState) -> tuple[bool, str]:
@@ -356,11 +351,6 @@ class LevenbergStage(AbstractStage):
         if state.stale >= self.config.patience:
             return True, "converged"
         return (True, "all steps taken") if state.step >= self.steps else (False, "")
-
-    @property
-    def _rivalled(self) -> bool:
-        """Whether it must improve on what the stage before has made of the same recordings."""
-        return isinstance(self.begins, Refitted)
 
     @property
     def regresses(self) -> bool:

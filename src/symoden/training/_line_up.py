@@ -14,7 +14,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel, energies_are_given
 
 from ._adam_stage import AdamStage
-from ._beginnings import Best, Refitted, Untrained, Without
+from ._beginnings import Best, Joined, Refitted, Untrained, Without
 from ._config import TrainingConfig
 from ._data import (
     LONGER,
@@ -284,13 +284,17 @@ def _growth(
         return [LevenbergStage(data, config, "growth", steps, kinds | networks, margin=CLEAR, frees=True)]
     rivalled = _fits(dynamics, kinds)  # Else every part is given, and has learned nothing.
     stage = functools.partial(LevenbergStage, config=config, steps=steps)
-    on_half = functools.partial(stage, apart, parted=True)
-    rival = [on_half(name="refit on half", corrections=kinds, margin=0.0, rivals=True)] if rivalled else []
-    growth = on_half(
-        name="growth", corrections=kinds | networks, margin=CLEAR, frees=True, begins=Refitted() if rivalled else Best()
+    rival = [stage(apart, name="refit on half", corrections=kinds, margin=0.0, rivals=True)] if rivalled else []
+    growth = stage(
+        apart,
+        name="growth",
+        corrections=kinds | networks,
+        margin=CLEAR,
+        frees=True,
+        begins=Refitted() if rivalled else Best(),
     )
     after += len(rival)
-    on_all = stage(data, name="growth on all", corrections=kinds, margin=-CHANCE, joins=True, after=after)
+    on_all = stage(data, name="growth on all", corrections=kinds, margin=-CHANCE, begins=Joined(), after=after)
     return [*rival, growth, on_all]
 
 

@@ -182,7 +182,7 @@ def by_validation(
     verdict = by_windows(Judge.VALIDATION, here, there, wanted=wanted)
     if not eqx.tree_equal(model, before):
         return verdict
-    by, chosen = (Judge.TRAINING if data.in_turn else Judge.VALIDATION), data.judged  # By which steps were chosen.
+    by, chosen = (Judge.TRAINING if data.in_turn else Judge.VALIDATION), data.choosing  # By which steps were chosen.
     loss, other = (evaluate_loss(each, objective, chosen) for each in (last, before))
     return verdict._replace(by=by, loss=loss, before=other, windows=chosen.ts.shape[0], moved=False)
 
@@ -198,9 +198,9 @@ def by_rollouts(data: Data, model: AbstractDynamics, before: AbstractDynamics) -
     Returns:
         The verdict.
     """
-    models = (cast(each, data.judged.q.dtype) for each in (model, before))
-    after, other = (evaluate_loss(each, data.objective, data.judged) for each in models)
-    windows = data.judged.ts.shape[0]
+    models = (cast(each, data.choosing.q.dtype) for each in (model, before))
+    after, other = (evaluate_loss(each, data.objective, data.choosing) for each in models)
+    windows = data.choosing.ts.shape[0]
     return Verdict(Judge.ROLLOUTS, after, other, windows, math.inf if after < other else -math.inf, wanted=0.0)
 
 
