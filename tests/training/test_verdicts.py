@@ -47,6 +47,14 @@ def test_what_few_windows_lose_is_lost_whatever_standard_errors_say(windows):
         assert ("which hardly tell, but 3 times as much or more)" in str(verdict)) != verdict.kept
 
 
+@pytest.mark.parametrize("windows", [3, 14, 60])
+def test_what_loses_threefold_over_windows_left_out_in_turn_is_lost(windows):
+    # Of ten windows one went astray: a loss of 3.5 for 0.096 was less than a standard error.
+    for times in (2.9, 3.1):
+        verdict = Verdict(Judge.LEFT_OUT, times, 1.0, windows, gained=-0.95, wanted=-1.0)
+        assert verdict.kept == (times < 3)
+
+
 def test_what_few_windows_refuse_is_hardly_a_verdict():
     refused = Verdict(Judge.VALIDATION, 0.2, 0.3, 2, gained=0.9, wanted=1.64)
     assert refused.hardly

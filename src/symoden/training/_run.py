@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from symoden.storage import StorageError, write_atomically
+from symoden.wording import first_few
 
 from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
 from ._stages import AbstractStage
@@ -21,6 +22,7 @@ ENSEMBLE: Final = "ensemble.safetensors"
 """File of the members in the folder of a run."""
 POSTERIOR: Final = "posterior.safetensors"
 """File of what the data leave open, in the folder of a run."""
+_NAMED: Final = 3  # Stages to come that are named; there may be twenty.
 
 
 class Progress(NamedTuple):
@@ -77,18 +79,20 @@ class Stopwatch:
         steps = [end - start for start, end in itertools.pairwise(self._ends)]
         return self._limit is not None and now + (min(steps) if len(steps) > 1 else 0.0) >= 60 * self._limit
 
-    def outcome(self, left: Sequence[str]) -> str:
+    def outcome(self, left: Sequence[str], gone: int = 0) -> str:
         """How training ended when it is.
 
         Args:
             left: Names of the stages that have not ended.
+            gone: How many have.
 
         Returns:
             The outcome in words.
         """
-        names = ", ".join(dict.fromkeys(left))
+        names = first_few(dict.fromkeys(left), _NAMED)
         limit = f"{self._limit:g} minute{'' if self._limit == 1 else 's'}"
-        return f"stopped at the time limit of {limit}, with {names} still to come (--resume goes on)"
+        how_far = f" after {gone} of {gone + len(left)} stages" if gone else ""
+        return f"stopped at the time limit of {limit}{how_far}, with {names} still to come (--resume goes on)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,7 +230,8 @@ def run(
             left = stages[state.stage :]
             state, verdict = left[0].settled(state)
             cut_short = None if verdict is None else verdict._replace(cut_short=True)
-            return state, findings.told(left[0].name, cut_short)._replace(outcome=watch.outcome(_names(left)))
+            outcome = watch.outcome(_names(left), len(stages) - len(left))
+            return state, findings.told(left[0].name, cut_short)._replace(outcome=outcome)
     return state, findings
 
 

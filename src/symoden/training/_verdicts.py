@@ -84,8 +84,9 @@ class Verdict(NamedTuple):
 
     @property
     def _is_lost(self) -> bool:
-        """Whether few windows are lost, whose standard errors tell little."""
-        return self.moved and self._by_few and self.loss > LOST * self.before
+        """Whether windows are lost whose standard errors tell little: few, or left out, of which single ones go astray."""
+        tell_little = self._by_few or self.by is Judge.LEFT_OUT
+        return self.moved and tell_little and self.loss > LOST * self.before
 
     def __str__(self) -> str:
         """In words."""
