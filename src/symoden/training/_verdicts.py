@@ -84,7 +84,7 @@ class Verdict(NamedTuple):
 
     @property
     def _is_lost(self) -> bool:
-        """Whether windows are lost whose standard errors tell little: few, or left out, of which single ones go astray."""
+        """Whether windows are lost whose standard errors tell little: few, or left out, where single ones go astray."""
         tell_little = self._by_few or self.by is Judge.LEFT_OUT
         return self.moved and tell_little and self.loss > LOST * self.before
 
