@@ -226,3 +226,13 @@ def test_the_space_of_a_run_stays_with_it(arm, tmp_path):
     assert main(["predict", str(folder), str(arm), "--out", str(tmp_path / "paths.npz")]) == 0
     with np.load(tmp_path / "paths.npz") as file:
         assert file["train:a/q_predicted"].shape == (80, 1)
+
+
+def test_parameters_that_ran_to_zero_are_named_with_what_keeps_them_there(capsys):
+    starts = {"k": -0.15, "m": 2.0, "free": 0.0, "rotor": 1.0}
+    _train._name_vanished(starts, {"k": -0.002, "m": 0.4, "free": 1e-9})
+    said = capsys.readouterr().err
+    assert "`k` (-0.002 from -0.15). Where the other sign is possible, start at 0" in said
+    assert not any(f"`{name}`" in said for name in ("m", "free", "rotor"))
+    _train._name_vanished(starts, starts)
+    assert capsys.readouterr().err == ""

@@ -2,7 +2,7 @@
 
 import dataclasses
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Final
 
 import jax.numpy as jnp
@@ -14,6 +14,7 @@ from symoden.experiments import (
     absolute_name,
     evaluation_solver,
     holds_run,
+    identified_parameters,
     preset,
     read_run,
     read_run_source,
@@ -35,6 +36,7 @@ from ._words import ensemble_words, hardly_judged, size_words
 
 _POOR: Final = 0.3  # Loss relative to the motion from which it is worth a word.
 _MANY: Final = 5  # Angles: products of so many harmonics are thousands of numbers.
+_VANISHED: Final = 0.02  # Of a start value, which may be several times off.
 _GOOD: Final = 0.25  # Share of the motion that predictions over a second are off by, whatever a few windows say.
 
 
@@ -71,6 +73,8 @@ def run(command: Train) -> None:
     scores = report_scores(result.model, trained, source, json=command.general.json)
     if source.task is None and not scores.warning:
         name_other_hold(result.model, source.dataset, evaluation_solver(trained))
+    if known is not None:
+        _name_vanished(known.parameters, identified_parameters(result.model))
     doubtful = result.completed and config.training.scaled_loss and result.loss > _POOR
     if doubtful and not scores.warning and not scores.share < _GOOD:
         print(
@@ -91,6 +95,18 @@ def run(command: Train) -> None:
         if words := hardly_judged(result.hardly_judged):
             print(words)
         print(f"the run is in {command.out}")
+
+
+def _name_vanished(starts: Mapping[str, float], found: Mapping[str, float]) -> None:
+    """Say which parameters of formulas ran to zero, where a wrong sign of their start keeps them."""
+    gone = {name: start for name, start in starts.items() if abs(found.get(name, start)) < _VANISHED * abs(start)}
+    if gone:
+        names = ", ".join(f"`{name}` ({found[name]:.2g} from {start:.2g})" for name, start in gone.items())
+        print(
+            f"warning: parameters keep the signs of their starts, and these went to zero: {names}. Where the other "
+            "sign is possible, start at 0, which allows both; where not, the data have nothing of it.",
+            file=sys.stderr,
+        )
 
 
 def _new(command: Train) -> tuple[RunConfig, Source]:

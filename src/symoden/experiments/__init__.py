@@ -46,6 +46,7 @@ from ._inspect import (
     Inspection as Inspection,
     Profile as Profile,
     anchor as anchor,
+    identified_parameters as identified_parameters,
     inspect_model as inspect_model,
 )
 from ._paper import PAPER as PAPER, MeanStd as MeanStd, PaperErrors as PaperErrors
@@ -166,6 +167,7 @@ __all__ = [
     "fit_gauge",
     "free_rollouts",
     "holds_run",
+    "identified_parameters",
     "initial_states",
     "inspect_model",
     "is_own",
