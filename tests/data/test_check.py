@@ -300,6 +300,15 @@ def test_a_cut_off_input_and_a_rounded_difference_are_facts(tmp_path):
     assert notes == [("saturation", "u1"), ("rounding", "v1"), ("rounding", "v2")]
 
 
+@pytest.mark.parametrize(("least", "said"), [(-0.6, "(-0.6 or 0.6)"), (-9.0, "(0.6)")])
+def test_an_extreme_value_that_hardly_occurs_is_no_limit(tmp_path, least, said):
+    log = arm()
+    log[:, 5] = np.clip(log[:, 5], least, 0.6)
+    log[0, 5] = min(least, log[0, 5])
+    (finding,) = check_dataset(written(tmp_path, log)).recordings[0].findings
+    assert finding.text.startswith(f"`u1` is at its extreme value {said} for ")
+
+
 def test_what_never_moves_cannot_be_learned(tmp_path):
     log = scale(arm(), q2=0, v2=0, u1=0)
     assert found(written(tmp_path, log)) == [("idle", "warning", "q2"), ("idle", "warning", "u1")]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from symoden.data._kinematics import Accuracy, jumps, velocity_ratio
-from symoden.data._signals import least_change, longest_step, noise_level, quantum, share_cut_off, standstills
+from symoden.data._signals import least_change, longest_step, noise_level, quantum, shares_cut_off, standstills
 
 EXACT = (Accuracy(quantum=0.0, noise=0.0), Accuracy(quantum=0.0, noise=0.0))
 
@@ -90,11 +90,14 @@ def test_gaps_and_wraps_are_no_noise():
 def test_a_clipped_signal_is_cut_off(limit):
     wave = np.sin(7 * uneven(0))
     clipped = np.clip(wave, -limit, limit)
-    assert share_cut_off(clipped) == pytest.approx((np.abs(wave) >= limit).mean(), abs=1e-3)
-    assert share_cut_off(np.maximum(wave, 0)) == 0  # at rest at 0
-    assert share_cut_off(np.append(np.linspace(-0.9, 0.9, 49), 1.2)) == 0  # One sample of fifty has to be the largest.
-    assert share_cut_off(wave) == share_cut_off(np.sign(wave)) == share_cut_off(0 * wave) == 0
-    assert share_cut_off(0.01 * np.round(wave / 0.01)) == 0
+    shares = shares_cut_off(clipped)
+    assert list(shares) == [-limit, limit]
+    assert sum(shares.values()) == pytest.approx((np.abs(wave) >= limit).mean(), abs=1e-3)
+    assert list(shares_cut_off(np.minimum(wave, limit))) == [limit]
+    assert shares_cut_off(np.maximum(wave, 0)) == {}  # at rest at 0
+    assert shares_cut_off(np.append(np.linspace(-0.9, 0.9, 49), 1.2)) == {}  # One of fifty has to be the largest.
+    assert shares_cut_off(wave) == shares_cut_off(np.sign(wave)) == shares_cut_off(0 * wave) == {}
+    assert shares_cut_off(0.01 * np.round(wave / 0.01)) == {}
 
 
 def test_standstills_end_where_the_value_changes_or_time_has_a_gap():

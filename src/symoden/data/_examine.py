@@ -73,8 +73,8 @@ def _saturation(facts: Facts) -> list[Finding]:
             kind="saturation",
             level="note",
             channel=u.name,
-            text=f"`{u.name}` is at its extreme value ({u.minimum:.4g} or {u.maximum:.4g}) for {u.cut_off:.0%} of the "
-            "samples",
+            text=f"`{u.name}` is at its extreme value ({' or '.join(f'{limit:.4g}' for limit in u.limits)}) for "
+            f"{u.cut_off:.0%} of the samples",
             advice="If these are commands and the drive limits them further, name the measured input instead.",
         )
         for u in facts.inputs

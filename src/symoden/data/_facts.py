@@ -10,7 +10,7 @@ import numpy as np
 from ._description import Description
 from ._kinematics import Accuracy, Ratio, blocks, velocity_ratio
 from ._logs import Log
-from ._signals import longest_step, noise_level, quantum, share_cut_off
+from ._signals import longest_step, noise_level, quantum, shares_cut_off
 from ._tables import units_below_names
 
 Role: TypeAlias = Literal["position", "velocity", "momentum", "input"]
@@ -32,6 +32,7 @@ class ChannelFacts:
         quantum: Step to whose multiples the values are rounded; 0 if none was found.
         noise: Standard deviation of the noise, at least that of the rounding.
         cut_off: Share of samples at an extreme value at which the signal is cut off.
+        limits: These values, from the smallest on.
         ratio: Of a velocity: displacement of the position over ∫v dt, 1 if they agree; None if unknown.
         moving: Of a position: share of the time in which it moves; None of anything else.
     """
@@ -45,6 +46,7 @@ class ChannelFacts:
     quantum: float
     noise: float
     cut_off: float = 0.0
+    limits: tuple[float, ...] = ()
     ratio: float | None = None
     moving: float | None = None
 
@@ -170,6 +172,7 @@ def _channels(ts: np.ndarray, signals: np.ndarray, log: Log, role: Role, longest
 def _channel(ts: np.ndarray, signal: np.ndarray, names: tuple[str, str], role: Role, longest: float) -> ChannelFacts:
     """Facts of one column."""
     step = quantum(signal)
+    shares = shares_cut_off(signal) if role == "input" else {}
     return ChannelFacts(
         name=names[0],
         title=names[1],
@@ -179,7 +182,8 @@ def _channel(ts: np.ndarray, signal: np.ndarray, names: tuple[str, str], role: R
         rms=float(np.sqrt(np.mean(signal**2))),
         quantum=step,
         noise=max(noise_level(ts, signal, longest=longest), step / np.sqrt(12)),
-        cut_off=share_cut_off(signal) if role == "input" else 0.0,
+        cut_off=sum(shares.values(), 0.0),
+        limits=tuple(shares),
     )
 
 

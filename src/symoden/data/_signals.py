@@ -191,8 +191,8 @@ def standstills(ts: Times, signal: np.ndarray, *, least: int, longest: float) ->
     return list(zip(starts[long].tolist(), ends[long].tolist(), strict=True))
 
 
-def share_cut_off(signal: np.ndarray) -> float:
-    """Share of samples at the largest or smallest value of a signal that is cut off there.
+def shares_cut_off(signal: np.ndarray) -> dict[float, float]:
+    """Shares of samples at the largest and the smallest value of a signal that is cut off there.
 
     A signal is cut off at an extreme value, other than 0, that holds three samples and more than the 5 % of the range
     next to it. One with few different values, such as a switched one, is not.
@@ -201,16 +201,16 @@ def share_cut_off(signal: np.ndarray) -> float:
         signal: Samples.
 
     Returns:
-        The share; 0 where it is not cut off.
+        The share at each value at which it is cut off, from the smallest on; none where it is not.
     """
     span = float(np.ptp(signal))
     if span == 0 or len(np.unique(signal)) < 10:
-        return 0.0
-    total = 0.0
-    for depth, extreme in ((signal.max() - signal, signal.max()), (signal - signal.min(), signal.min())):
+        return {}
+    shares: dict[float, float] = {}
+    for depth, extreme in ((signal - signal.min(), signal.min()), (signal.max() - signal, signal.max())):
         count = int((depth <= 1e-6 * span).sum())
         at = count / len(signal)
         beside = float(((depth > 1e-6 * span) & (depth <= _EDGE * span)).mean())
         if count >= _FEWEST_AT_EXTREME and at >= _LEAST_AT_EXTREME and at > beside and abs(extreme) > 1e-6 * span:
-            total += at
-    return total
+            shares[float(extreme)] = at
+    return shares
