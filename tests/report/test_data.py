@@ -1,5 +1,7 @@
 """Figures of logs: every column of every recording, with what is wrong marked and named."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from matplotlib import rcParams
@@ -45,6 +47,13 @@ def test_each_recording_is_a_row_and_each_column_a_panel(check):
     for ax, each, role in zip(panels, [check.recordings[0]] * 3, ("positions", "rates", "inputs"), strict=False):
         (line,) = ax.get_lines()
         np.testing.assert_array_equal(line.get_ydata(), each.log.signals[role][:, 0])
+
+
+@pytest.mark.parametrize(("hold", "style"), [("zero", "steps-post"), ("linear", "default")])
+def test_inputs_that_are_held_are_drawn_as_steps(check, hold, style):
+    check = dataclasses.replace(check, description=dataclasses.replace(check.description, hold=hold))
+    drawn = [ax.get_lines()[0].get_drawstyle() for ax in draw_check(check).axes]
+    assert drawn == ["default", "default", style] * 2
 
 
 def test_what_is_wrong_is_shaded_and_named_where_it_is(check):

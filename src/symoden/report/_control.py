@@ -43,7 +43,7 @@ def draw_control(result: ControlResult, *, positions: Sequence[str], inputs: Seq
             ax.axhline(result.machine.target[i], **EDGE)
         ax.set_ylabel(wrapped(title), fontsize=LABEL)
     for ax, (j, name) in zip(axes[len(positions) :], enumerate(inputs), strict=False):
-        plot_episodes(ts, np.asarray(result.episodes.u)[:, :, j], result, ax=ax)
+        plot_episodes(ts, np.asarray(result.episodes.u)[:, :, j], result, ax=ax, held=True)
         for sign in (-1, 1):
             ax.axhline(sign * result.limits[j], **EDGE)
         ax.set_ylabel(wrapped(name), fontsize=LABEL)
@@ -62,7 +62,12 @@ def draw_control(result: ControlResult, *, positions: Sequence[str], inputs: Seq
 
 
 def plot_episodes(
-    ts: Float[np.ndarray, " T"], values: Float[np.ndarray, "k T"], result: ControlResult, *, ax: Axes
+    ts: Float[np.ndarray, " T"],
+    values: Float[np.ndarray, "k T"],
+    result: ControlResult,
+    *,
+    ax: Axes,
+    held: bool = False,
 ) -> Axes:
     """Draw one quantity of the episodes over time.
 
@@ -71,15 +76,16 @@ def plot_episodes(
         values: The quantity in each episode.
         result: How the episodes went.
         ax: Where.
+        held: Whether each value is held until the next one, as inputs are within a control period.
 
     Returns:
         The same axes.
     """
-    every = max(1, len(ts) // _POINTS)
+    every, style = max(1, len(ts) // _POINTS), "steps-post" if held else "default"
     for k in range(min(_LINES, len(values))):
         colour = COLOURS[0] if result.verdict.success[k] else COLOURS[1]
-        ax.plot(ts[::every], values[k, ::every], color=colour, linewidth=0.6, alpha=0.35)
-    ax.plot(ts[::every], values[result.shown, ::every], color=INK, linewidth=1.2)
+        ax.plot(ts[::every], values[k, ::every], color=colour, drawstyle=style, linewidth=0.6, alpha=0.35)
+    ax.plot(ts[::every], values[result.shown, ::every], color=INK, drawstyle=style, linewidth=1.2)
     return tidy(ax)
 
 

@@ -43,7 +43,7 @@ def draw_check(check: DatasetCheck) -> Figure:
     panels = figure.subplots(len(check.recordings), len(signals), squeeze=False, sharey="col")
     for row, each in zip(panels, check.recordings, strict=True):
         for k, (ax, (role, i)) in enumerate(zip(row, signals, strict=True)):
-            plot_channel(each, role, i, ax=ax)
+            plot_channel(each, role, i, held=check.description.hold == "zero", ax=ax)
             if k == 0:
                 ax.set_ylabel(f"{wrapped(each.log.name)}\n({each.log.part})", fontsize=_TINY)
     for ax, (role, i) in zip(panels[0], signals, strict=True):
@@ -53,13 +53,14 @@ def draw_check(check: DatasetCheck) -> Figure:
     return figure
 
 
-def plot_channel(each: RecordingCheck, role: str, index: int, *, ax: Axes) -> Axes:
+def plot_channel(each: RecordingCheck, role: str, index: int, *, held: bool, ax: Axes) -> Axes:
     """Draw one column of one recording in SI and rad, with the findings on it.
 
     Args:
         each: The recording.
         role: "positions", "rates" or "inputs".
         index: Which of them.
+        held: Whether inputs are held until the next row.
         ax: Where.
 
     Returns:
@@ -68,7 +69,9 @@ def plot_channel(each: RecordingCheck, role: str, index: int, *, ax: Axes) -> Ax
     log = each.log
     name = log.names[role][index]
     first = since(log.ts)
-    ax.plot(log.ts - first, log.signals[role][:, index], color=_LINES[role], linewidth=0.7, rasterized=True)
+    style = "steps-post" if held and role == "inputs" else "default"
+    look = {"color": _LINES[role], "drawstyle": style, "linewidth": 0.7, "rasterized": True}
+    ax.plot(log.ts - first, log.signals[role][:, index], **look)
     known = log.ts[np.isfinite(log.ts)]
     least = _WIDEST * float(np.ptp(known)) if len(known) else 0.0
     kinds: list[str] = []

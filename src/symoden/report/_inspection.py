@@ -1,6 +1,7 @@
 """What a model learned, with its bands."""
 
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -16,7 +17,12 @@ from ._style import COLOURS, DASHES, LABEL, SMALL, tidy
 _PANEL: Final = (3.2, 2.4)  # inches
 _BAND: Final = 0.22
 _ROOM: Final = 0.1  # Above what is drawn from zero on, or a constant lies on the frame.
-_LEGEND: Final = 0.15  # Room above the curves for their names, relative to their range.
+_WIDE: Final = 2.5  # inches of a panel for the names of curves,
+_HIGH: Final = 1.7  # and its height;
+_SAMPLE: Final = 0.32  # what the line before a name takes with the space about it,
+_LETTER: Final = 0.6  # and each of its letters, of the font's size.
+_TINY: Final = 6.5
+_MOST_NAMED: Final = 0.6  # Share of the panel's height that names may take.
 
 _Curves = Mapping[str, np.ndarray]
 
@@ -84,10 +90,36 @@ def plot_curves(
     ax.set_xlabel(coordinate, fontsize=LABEL)
     ax.set_title(symbol, fontsize=LABEL)
     if len(curves) > 1:
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, high + _LEGEND * (high - low))
-        ax.legend(fontsize=SMALL, frameon=False, loc="upper center", ncols=3, handlelength=1.6, columnspacing=1.0)
+        _name(list(curves), ax)
     return tidy(ax)
+
+
+def _name(names: Sequence[str], ax: Axes) -> None:
+    """Name the curves above them, within the panel however long their names are."""
+
+    def fits(size: float, columns: int) -> int:
+        """Letters of a name for which there is room."""
+        return int((_WIDE / columns - _SAMPLE) * 72 / (_LETTER * size))
+
+    longest = max(map(len, names))
+    choices = [(float(SMALL), 3), (float(SMALL), 2), (_TINY, 2), (_TINY, 1)]
+    size, columns = next((each for each in choices if longest <= fits(*each)), choices[-1])
+    rows, most = math.ceil(len(names) / columns), fits(size, columns)
+    # Lines of text, less than a third of one between two, and one about all of them.
+    share = min(_MOST_NAMED, size * (1.2 * rows + 0.3 * (rows - 1) + 1) / 72 / _HIGH)
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high + share / (1 - share) * (high - low))
+    ax.legend(
+        ax.get_lines(),
+        [name if len(name) <= most else f"{name[: most // 2 - 1]}…{name[-(most // 2) :]}" for name in names],
+        fontsize=size,
+        frameon=False,
+        loc="upper center",
+        ncols=columns,
+        handlelength=1.6,
+        columnspacing=1.0,
+        labelspacing=0.3,
+    )
 
 
 def _panels(
