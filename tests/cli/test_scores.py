@@ -105,6 +105,23 @@ def test_what_was_learned_by_heart_is_called_so(learned, error, said):
     assert by_heart(scores[:1]) == by_heart(scores[1:]) == by_heart([]) == ""
 
 
+@pytest.mark.parametrize(
+    ("error", "coasting", "said"),
+    [
+        (0.95, math.nan, "hardly better than standing still."),
+        (3.0, math.nan, "worse than standing still."),
+        (3.0, 2.0, "worse than standing still."),
+        (0.3, 0.35, "hardly better than that."),
+        (0.7, 0.35, "worse than that."),
+        (0.15, 0.02, "worse than that."),  # Noise alone tells what is off by less than a fifth of the motion.
+    ],
+)
+def test_predictions_that_are_worse_than_none_are_called_so(error, coasting, said):
+    words = poor([recording(error, 1.0, coasting=coasting)])
+    assert f"while they move: {said} An input" in words
+    assert ("that." not in said) or f"going on at the first velocity is off by {coasting}, in the mean" in words
+
+
 def test_predictions_that_diverge_are_not_blamed_on_inputs():
     words = poor([recording(0.1, 1.0), recording(math.inf, 1.0)])
     assert words.startswith("over 1 s most predictions of `run` diverge")

@@ -101,7 +101,7 @@ def _windowed(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore
 
 
 def poor(recordings: Sequence[RecordingScore]) -> str:
-    """What to say of predictions that are hardly better than none.
+    """What to say of predictions that are hardly better than none, or worse.
 
     Args:
         recordings: Scores of recordings.
@@ -124,14 +124,16 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     least = _AS_BAD * worst[0].in_motion.error  # At rest hardly anything is better than standing still.
     worst = [each for each in worst if each.in_motion.error > max(_POOR * _guess(each), least)]
     some = len(worst) < len(long)
-    means = zip(*((each.in_motion.error, each.in_motion.motion, _guess(each)) for each in worst), strict=True)
-    error, motion, guess = (sum(each) / len(worst) for each in means)
-    coasts = guess < motion
+    error, motion, coasting = (
+        sum(each) / len(worst) for each in zip(*(astuple(each.in_motion) for each in worst), strict=True)
+    )
+    coasts = coasting < motion
+    better = "worse than" if error > (coasting if coasts else motion) else "hardly better than"
     of = f" of {first_few((f'`{each.name}`' for each in worst), _FEW)}" if some else ""
     said = (
         f"over {_length(worst)} predictions{of} are off by {number(error)} where positions move {number(motion)}"
-        + (f" and going on at the first velocity is off by {number(guess)}" if coasts else "")
-        + f", in the mean over {'these' if some else 'the'} recordings while they move: hardly better than "
+        + (f" and going on at the first velocity is off by {number(coasting)}" if coasts else "")
+        + f", in the mean over {'these' if some else 'the'} recordings while they move: {better} "
         + ("that." if coasts else "standing still.")
     )
     if some:
