@@ -140,6 +140,18 @@ def test_recordings_that_alone_are_predicted_badly_are_named():
     assert words.startswith("over 1 s predictions of `worst`, `bad` are off by 0.6 where positions move 0.6, in the")
 
 
+def test_recordings_of_one_name_are_told_apart_by_their_parts():
+    good, bad = recording(0.05, 1.0), dataclasses.replace(recording(1.0, 1.0), split="test")
+    other = recording(1.0, 1.0, "other")
+    assert poor([good, bad, other]).startswith("over 1 s predictions of `run` (test), `other` are off by 1 where")
+    assert poor([good, other]).startswith("over 1 s predictions of `other` are off by")
+    lost = dataclasses.replace(recording(math.inf, 1.0), split="test")
+    words = poor([good, bad, lost, recording(1.0, 1.0), other])
+    assert words.startswith("over 1 s most predictions of `run` (test) diverge.")
+    assert "predictions of `run` (test), `run` (train), `other` are off" in words
+    assert "whole of `run` (test) diverges" in diverging([good, lost])
+
+
 def test_errors_are_compared_with_the_motion():
     assert share_of_motion([recording(0.2, 1.0), recording(0.1, 0.5), recording(math.nan, math.nan)]) == pytest.approx(
         0.2

@@ -336,6 +336,13 @@ def test_a_log_of_constants_is_refused_and_why_is_said_once(tmp_path, rate):
         read_dataset(path)
 
 
+def test_parts_of_one_file_are_told_apart_in_warnings(tmp_path):
+    path = written(tmp_path, scale(arm(), v1=-1))
+    path.write_text(path.read_text() + 'rows = [0, 1000]\n[test]\nfiles = ["run0.csv"]\nrows = [1000]\n')
+    with pytest.warns(DataWarning, match=r"wrong in `run0` \(train\): .* `q1` is -.*; `run0` \(test\): .* `q1` is -"):
+        read_dataset(path)
+
+
 def test_what_does_not_fit_together_is_a_finding(tmp_path):
     path = written(tmp_path, arm(), more="input_matrix = [[1, 0]]")
     assert found(path) == [("refused", "refused", "")]

@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, astuple
 from typing import Final, NamedTuple
@@ -100,21 +101,28 @@ def _windowed(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore
     return long, float(sum(each.in_motion.error for each in long)), float(sum(each.in_motion.motion for each in long))
 
 
-def poor(recordings: Sequence[RecordingScore]) -> str:
+def _names(some: Sequence[RecordingScore], among: Sequence[RecordingScore]) -> str:
+    """Names of some of the recordings, with their parts where several parts have one name, as of one file."""
+    count = Counter(name for name, _ in {(each.name, each.split) for each in among})
+    return first_few((f"`{each.name}`" + f" ({each.split})" * (count[each.name] > 1) for each in some), _FEW)
+
+
+def poor(recordings: Sequence[RecordingScore], *, among: Sequence[RecordingScore] = ()) -> str:
     """What to say of predictions that are hardly better than none, or worse.
 
     Args:
         recordings: Scores of recordings.
+        among: Scores of all recordings, from whose names theirs are told apart; these, if absent.
 
     Returns:
         The words; none where predictions are better, or no recording is as long as a window.
     """
+    among = among or recordings
     lost = [each for each in _windowed(recordings)[0] if not math.isfinite(each.in_motion.error)]
     if lost:
-        names = first_few((f"`{each.name}`" for each in lost), _FEW)
-        others = poor([each for each in recordings if math.isfinite(each.in_motion.error)])
+        others = poor([each for each in recordings if math.isfinite(each.in_motion.error)], among=among)
         return (
-            f"over {_length(lost)} most predictions of {names} diverge. {_ASTRAY}"
+            f"over {_length(lost)} most predictions of {_names(lost, among)} diverge. {_ASTRAY}"
             f"{others and f' Of the others, {others}'}"
         )
     long, error, _ = _windowed(recordings)
@@ -129,7 +137,7 @@ def poor(recordings: Sequence[RecordingScore]) -> str:
     )
     coasts = coasting < motion
     better = "worse than" if error > (coasting if coasts else motion) else "hardly better than"
-    of = f" of {first_few((f'`{each.name}`' for each in worst), _FEW)}" if some else ""
+    of = f" of {_names(worst, among)}" if some else ""
     said = (
         f"over {_length(worst)} predictions{of} are off by {number(error)} where positions move {number(motion)}"
         + (f" and going on at the first velocity is off by {number(coasting)}" if coasts else "")
@@ -157,14 +165,10 @@ def diverging(recordings: Sequence[RecordingScore]) -> str:
     Returns:
         The words; none where all stay finite.
     """
-
-    def names(some: Sequence[RecordingScore]) -> str:
-        return first_few((f"`{each.name}`" for each in some), _FEW)
-
     lost = [each for each in recordings if math.isinf(each.window_rmse.mean)]
     astray = [each for each in recordings if not math.isfinite(each.rollout_rmse)]
-    said = [f"over {_length(lost)} some predictions of {names(lost)} diverge"] if lost else []
-    said += [f"one rollout over the whole of {names(astray)} diverges"] if astray else []
+    said = [f"over {_length(lost)} some predictions of {_names(lost, recordings)} diverge"] if lost else []
+    said += [f"one rollout over the whole of {_names(astray, recordings)} diverges"] if astray else []
     return f"{', and '.join(said)}. {_ASTRAY}" if said else ""
 
 

@@ -1,6 +1,7 @@
 """From a description to the recordings that it describes."""
 
 import warnings
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -143,12 +144,13 @@ def _warn_of_clocks(path: Path, logs: Sequence[Log], is_angle: np.ndarray) -> No
             DataWarning,
             stacklevel=3,
         )
-    arrived = [f"`{log.name}`: {each.text}" for log in logs for each in find_arrivals(log)]
+    names = _told_apart(logs)
+    arrived = [f"{name}: {each.text}" for name, log in zip(names, logs, strict=True) for each in find_arrivals(log)]
     if arrived:
         _warn(path, "not taken at the times that were logged,", arrived)
     wrong = [
-        f"`{log.name}`: {each.text}"
-        for log in logs
+        f"{name}: {each.text}"
+        for name, log in zip(names, logs, strict=True)
         for each in (*find_merged(log), *find_uneven(log, is_angle))
         if each.level != "note"
     ]
@@ -158,9 +160,10 @@ def _warn_of_clocks(path: Path, logs: Sequence[Log], is_angle: np.ndarray) -> No
 
 def _warn_of_masks(path: Path, logs: Sequence[Log], masks: Sequence[Mask]) -> None:
     """Say in one line what was left out."""
-    masked = [(log.name, said) for log, mask in zip(logs, masks, strict=True) if (said := mask.describe(log.name))]
+    said = [mask.describe(log.name) for log, mask in zip(logs, masks, strict=True)]
+    masked = [f"{name}: {what}" for name, what in zip(_told_apart(logs), said, strict=True) if what]
     if masked:
-        _warn(path, "left out in", [f"`{name}`: {said}" for name, said in masked])
+        _warn(path, "left out in", masked)
 
 
 def _warn_of_suspicions(
@@ -172,8 +175,10 @@ def _warn_of_suspicions(
 ) -> None:
     """Say in one line what looks wrong, and in another what became of velocities that come late."""
     found = [
-        f"`{log.name}`: {finding.text.removesuffix('?')}"
-        for log, clocks, examination in zip(logs, find_other_clocks(logs, description), examinations, strict=True)
+        f"{name}: {finding.text.removesuffix('?')}"
+        for name, clocks, examination in zip(
+            _told_apart(logs), find_other_clocks(logs, description), examinations, strict=True
+        )
         for finding in (*clocks, *examination.findings)
         if finding.level == "warning"
     ]
@@ -181,6 +186,12 @@ def _warn_of_suspicions(
         _warn(path, "perhaps wrong in", found)
     if replaced:
         warnings.warn(f"`{path}`: {replaced.text}. {replaced.advice}", DataWarning, stacklevel=3)
+
+
+def _told_apart(logs: Sequence[Log]) -> list[str]:
+    """Names of logs, with their parts where several parts have one name, as of one file."""
+    count = Counter(name for name, _ in {(log.name, log.part) for log in logs})
+    return [f"`{log.name}`" + f" ({log.part})" * (count[log.name] > 1) for log in logs]
 
 
 def _warn(path: Path, what: str, every: list[str]) -> None:
