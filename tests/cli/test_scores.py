@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from symoden.cli._scores import _recordings, by_heart, diverging, poor, share_of_motion
+from symoden.cli._scores import _recordings, by_heart, diverging, poor, running_away, share_of_motion
 from symoden.experiments import MotionScore, RecordingScore, WindowScore
 
 
@@ -71,6 +71,30 @@ def test_single_windows_that_diverge_are_named():
     assert diverging([one, recording(0.1, 1.0)]).startswith("over 1 s some predictions of `one` diverge. The")
     said = "over 1 s some predictions of `one`, `both` diverge, and one rollout over the whole of `both` diverges. The"
     assert diverging([one, both]).startswith(said)
+
+
+@pytest.mark.parametrize(
+    ("astray", "said"),
+    [
+        ((0.3, 1.9), ""),
+        ((33.0, 2.2), "rollouts over the whole of `ball` (train), `ball` (test) run away, off by up to 33 times the"),
+        (
+            (1.4, 2.2),
+            "rollouts over the whole of `ball` (test) run away, off by up to 2.2 times the range in which all",
+        ),
+        ((math.inf, 1.9), ""),  # It diverges, and is called so.
+        ((math.nan, math.nan), ""),
+    ],
+)
+def test_rollouts_that_run_away_are_named(astray, said):
+    scores = [
+        dataclasses.replace(recording(0.002, 0.02, "ball"), astray=each, split=split)
+        for each, split in zip(astray, ("train", "test"), strict=True)
+    ]
+    words = running_away(scores)
+    assert words.startswith(said)
+    assert bool(words) == bool(said)
+    assert not said or "good over 1 s may be unstable over longer times" in words
 
 
 @pytest.mark.parametrize(

@@ -183,6 +183,31 @@ def test_lengths_and_angles_are_scored_each_by_itself_too():
     assert (score.window_rmse.median, score.window_rmse.mean) == pytest.approx((np.median(both), both.mean()), rel=1e-9)
 
 
+@pytest.mark.parametrize("turns", [0, 3])
+@pytest.mark.parametrize("width", [1.0, 0.02])
+def test_rollouts_are_compared_with_the_range_of_all_recordings(turns, width):
+    ts = 0.05 * np.arange(101)
+    q = np.stack([width * np.sin(3 * ts) / 2, 0.1 * np.cos(2 * ts)], axis=1)
+    rates = np.stack([np.full_like(ts, 3.0), np.full_like(ts, 9.0)], axis=1)  # Both go where no recording does.
+    train = Trajectory(name="a", ts=ts, q=q, rates=rates, us=np.zeros((101, 1)))
+    other = dataclasses.replace(train, name="b", q=q * [0.0, 1.0] + [1.0 - width / 2, 2 * np.pi * turns])
+    third = dataclasses.replace(train, name="c", q=-q * [0.0, 1.0])
+    dataset = Dataset(name="d", space="R1 T1", train=(train, third), test=(other,))
+    errors = [
+        np.sqrt(np.mean(written_out(CartPole(), each, 0, 101)[1:] ** 2, axis=0)) for each in (train, third, other)
+    ]
+    reach = np.ptp([*q[:, 0], 1.0 - width / 2, 0.0])  # The cart starts up to a metre apart.
+    expected = [np.max(each / [reach, 2 * np.pi]) for each in errors]
+    assert [score.astray for score in score_recordings(CartPole(), dataset, solver=RK4(4))] == pytest.approx(expected)
+
+
+def test_a_length_that_hardly_moves_is_compared_with_a_tenth_of_another():
+    q = np.linspace(0.0, 1.0, 41)[:, None] * [1.0, 1e-3, 0.3]
+    every = Trajectory(name="a", ts=0.1 * np.arange(41), q=q, rates=0 * q, us=q[:, :0])
+    ranges = _evaluate._ranges(Dataset(name="d", space="R3", train=(every,)))
+    np.testing.assert_allclose(ranges, [1.0, 0.1, 0.3])
+
+
 def in_noise(k, *, noise=0.4, initial_samples=10):
     """Swing of a pendulum, measured with noisy velocities."""
     ts, generator = 0.05 * np.arange(61), np.random.default_rng(k)
@@ -288,7 +313,7 @@ def test_a_diverging_model_has_infinite_errors():
     recording = recorded(0.05 * np.arange(41))
     model = eqx.tree_at(lambda m: m.scale.array, small("naive", "T1"), replace_fn=lambda x: 1e150 * x)
     (score,) = score_recordings(model, Dataset(name="d", space="T1", train=(recording,)), solver=RK4(1))
-    assert score.window_rmse.median == score.window_rmse.mean == score.rollout_rmse == np.inf
+    assert score.window_rmse.median == score.window_rmse.mean == score.rollout_rmse == score.astray == np.inf
     assert score.diverged == score.windows == 5
     task = score_task(model, source := few("pendulum"), solver=RK4(1))
     assert not np.isfinite(task.train.mean)

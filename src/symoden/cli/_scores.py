@@ -28,6 +28,7 @@ _ERRORS = ("train", "test", "prediction")
 _FEW = 4  # Coordinates that have a column each.
 _AS_BAD: Final = 0.1  # Share of the largest error.
 _POOR: Final = 0.5  # Share of the way that positions go in a second, or of what going on as at first is off by.
+_AWAY: Final = 2.0  # Ranges in which all recordings move: what is off by less is still near.
 _TIMES: Final = 5.0  # The error in training: then it is no matter of noise, nor of harder motions.
 _ASTRAY: Final = (
     "The motion may lie outside of what training has seen (`symoden inspect` says how far), or the model is a poor one."
@@ -172,6 +173,26 @@ def diverging(recordings: Sequence[RecordingScore]) -> str:
     return f"{', and '.join(said)}. {_ASTRAY}" if said else ""
 
 
+def running_away(recordings: Sequence[RecordingScore]) -> str:
+    """What to say of rollouts over whole recordings that stay finite, but go where no recording has been by far.
+
+    Args:
+        recordings: Scores of recordings.
+
+    Returns:
+        The words; none where all stay near.
+    """
+    away = [each for each in recordings if _AWAY < each.astray < math.inf]
+    if not away:
+        return ""
+    return (
+        f"rollouts over the whole of {_names(away, recordings)} run away, off by up to "
+        f"{max(each.astray for each in away):.2g} times the range in which all recordings move: a model that is good "
+        f"over {_length(away)} may be unstable over longer times, as one of a mechanism that feedback balances is by "
+        "rights. `[validation]` recordings that go over the whole range, or what you know of V (`[known]`), help."
+    )
+
+
 def by_heart(recordings: Sequence[RecordingScore]) -> str:
     """What to say of a model that predicts what it was trained on, and hardly anything else.
 
@@ -218,7 +239,7 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
         return Scores(
             {"recordings": [asdict(recording) for recording in recordings]},
             _recordings(recordings, source.dataset.position_units, config.data.position_names),
-            poor(recordings) or by_heart(recordings) or diverging(recordings),
+            poor(recordings) or by_heart(recordings) or diverging(recordings) or running_away(recordings),
             share_of_motion(recordings),
         )
     score = score_task(model, source, solver=solver)

@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import equinox as eqx
 import jax
@@ -10,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from symoden.blocks import without_silent
-from symoden.data import Dataset, Trajectory
+from symoden.data import Dataset, Trajectory, least_lively
 from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
@@ -20,6 +21,8 @@ from ._batches import Segment, Stretch, entire, in_batches, roll_out
 from ._paper import MeanStd
 from ._sources import Source
 from ._windows import horizon_of, short_windows
+
+_RESTS: Final = 0.1  # Share of the range of the length that goes furthest, below which another one rests.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +84,8 @@ class RecordingScore:
         window_rmse: Errors over short windows, each from a measured state.
         rollout_rmse: Position RMSE of one rollout from the start of the recording, found from its `initial_samples`;
             infinite if it diverges.
+        astray: Of that rollout, the RMSE of the coordinate that is worst, relative to the range in which it moves in
+            all recordings; the range of an angle is a turn or more.
         coordinates: The median over the windows for each coordinate by itself, for lengths and angles have no common
             unit.
         motion: How far the positions move in such a window, what errors are to be compared with: root mean square of
@@ -95,6 +100,7 @@ class RecordingScore:
     samples: int
     window_rmse: WindowScore
     rollout_rmse: float
+    astray: float = np.nan
     coordinates: tuple[float, ...] = ()
     motion: float = np.nan
     in_motion: MotionScore = MotionScore()
@@ -184,10 +190,30 @@ def score_recordings(
     for k, path in paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
         rmse[windows[k][0]].append(_mean_squares(path.q[1:], stretches[k].q[1:]))
     whole = predict(model, recordings, hold=dataset.hold, solver=solver)
+    ranges = _ranges(dataset)
     return tuple(
-        _recording_score(split, recording, horizon, squares, motion, coasting, path)
+        dataclasses.replace(
+            _recording_score(split, recording, horizon, squares, motion, coasting, path),
+            astray=float(np.max(np.sqrt(_whole_squares(path, recording)) / ranges)),
+        )
         for (split, recording), squares, motion, coasting, path in zip(chosen, rmse, moved, coasted, whole, strict=True)
     )
+
+
+def _whole_squares(path: Prediction, recording: Trajectory) -> Float[np.ndarray, " n"]:
+    """Mean squares of the errors of the rollout of a whole recording."""
+    return _mean_squares(path.q[recording.initial_samples :], recording.q[recording.initial_samples :])
+
+
+def _ranges(dataset: Dataset) -> Float[np.ndarray, " n"]:
+    """Ranges in which coordinates move in all recordings."""
+    every, is_angle = dataset.recordings, np.array(Space.parse(dataset.space).is_angle)
+    # Where an angle counts from may differ by turns from recording to recording.
+    turned = np.max([np.ptp(each.q, axis=0) for each in every], axis=0)
+    went = np.where(is_angle, turned, np.ptp(np.concatenate([each.q for each in every]), axis=0))
+    # Chaotic motion goes over the top once more or less: of an arm's swing-up it was a turn and a half.
+    least = np.where(is_angle, 2 * np.pi, least_lively(went, is_angle, idle=_RESTS))
+    return np.maximum(np.maximum(went, least), np.finfo(float).tiny)
 
 
 def _recording_score(
@@ -200,7 +226,7 @@ def _recording_score(
     path: Prediction,
 ) -> RecordingScore:
     """Score of one recording, from the mean squares of its windows' errors and motions and its whole rollout."""
-    first, n = recording.initial_samples, recording.q.shape[1]
+    n = recording.q.shape[1]
     each = np.sqrt(np.asarray(squares).reshape(-1, n))
     errors = np.sqrt(np.mean(np.square(each), axis=1))
     known = len(errors) > 0
@@ -216,7 +242,7 @@ def _recording_score(
             median=float(np.median(errors)) if known else np.nan,
             mean=float(np.mean(errors)) if known else np.nan,
         ),
-        rollout_rmse=float(np.sqrt(np.mean(_mean_squares(path.q[first:], recording.q[first:])))),
+        rollout_rmse=float(np.sqrt(np.mean(_whole_squares(path, recording)))),
         coordinates=tuple(np.median(each, axis=0).tolist()) if known else (np.nan,) * n,
         motion=float(np.sqrt(np.mean(motion))) if known else np.nan,
         in_motion=MotionScore(*(_middle(each, weights) for each in (errors, moved, np.sqrt(coasting))))
