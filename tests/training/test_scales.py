@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from symoden.data import Dataset, Trajectory, windows
+from symoden.data import Dataset, Trajectory, WindowLength, usual_steps, windows
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
-from symoden.training._data import _horizon, _usual_steps
+from symoden.training._data import _horizon
 from symoden.training._objective import Batch, channel_weights
 from symoden.training._scales import measure_scales, time_scale
 
@@ -91,16 +91,16 @@ def test_a_short_recording_does_not_shorten_the_windows_of_all(piece, share, lea
     short = swing(np.arange(piece) * 0.01, name="short")
     tail = swing(np.arange(piece) * 0.01 + 1, name="tail")
     held = tuple(swing(np.arange(0, 10, 0.01), mean=float(i), name=f"held {i}") for i in range(1, 4))
-    alone = _horizon(Dataset(name="d", space="R1", train=long), share, least)
+    alone = _horizon(Dataset(name="d", space="R1", train=long), WindowLength(share, least))
     beside = Dataset(name="d", space="R1", train=(*long, short), validation=(tail, *held))
     # Windows are stretched to fill a piece that holds two, never cut to fit one that does not.
-    assert alone <= _horizon(beside, share, least) <= 1.5 * alone
+    assert alone <= _horizon(beside, WindowLength(share, least)) <= 1.5 * alone
 
 
 @given(samples=st.integers(2, 400), omega=st.floats(1.0, 100.0), share=st.floats(0.3, 2.0), least=st.integers(2, 8))
 def test_windows_are_not_cut_shorter_than_they_must_be(samples, omega, share, least):
     recording = swing(np.arange(samples) * 0.01, omega=omega)
-    horizon = _horizon(Dataset(name="d", space="R1", train=(recording,)), share, least)
+    horizon = _horizon(Dataset(name="d", space="R1", train=(recording,)), WindowLength(share, least))
     assert min(least, samples - 1) <= horizon < samples
 
 
@@ -108,7 +108,7 @@ def test_windows_are_not_cut_shorter_than_they_must_be(samples, omega, share, le
 @settings(deadline=None)
 def test_what_is_left_out_is_little_and_short(lengths, enough):
     recordings = [swing(np.arange(length) * 0.01) for length in lengths]
-    steps = _usual_steps(recordings, enough)
+    steps = usual_steps(recordings, enough)
     left = [length - 1 for length in lengths if length - 1 < steps]
     assert sum(left) <= 0.1 * sum(length - 1 for length in lengths) + 1e-9
     assert all(each < enough for each in left)

@@ -5,6 +5,14 @@ from ._dataset import Dataset as Dataset
 from ._errors import DataError as DataError, DataWarning as DataWarning
 from ._facts import ChannelFacts as ChannelFacts
 from ._findings import Finding as Finding
+from ._horizons import (
+    ADAM_WINDOWS as ADAM_WINDOWS,
+    LEVENBERG_WINDOWS as LEVENBERG_WINDOWS,
+    WindowLength as WindowLength,
+    usual_steps as usual_steps,
+    window_steps as window_steps,
+    without_poor_ends as without_poor_ends,
+)
 from ._logs import Log as Log
 from ._noise import SensorNoise as SensorNoise, measure_noise as measure_noise
 from ._read_dataset import read_dataset as read_dataset
@@ -25,6 +33,8 @@ from ._windows import Windows as Windows, spaced_evenly as spaced_evenly, window
 from ._write_dataset import write_dataset as write_dataset
 
 __all__ = [
+    "ADAM_WINDOWS",
+    "LEVENBERG_WINDOWS",
     "ChannelFacts",
     "DataError",
     "DataWarning",
@@ -36,6 +46,7 @@ __all__ = [
     "SensorNoise",
     "Trajectory",
     "Unreadable",
+    "WindowLength",
     "Windows",
     "check_dataset",
     "check_trainable",
@@ -51,8 +62,11 @@ __all__ = [
     "split_validation",
     "states",
     "time_scales",
+    "usual_steps",
     "validates_by_ends",
     "velocity_noise_gain",
+    "window_steps",
     "windows",
+    "without_poor_ends",
     "write_dataset",
 ]

@@ -172,7 +172,7 @@ def _assembled(
     late = find_late_inputs(dataset, description.input_delay, is_angle)
     inputs = *find_feedback(dataset, is_angle), *(late or find_other_hold(dataset, is_angle))
     signs = find_input_signs(dataset, description, is_angle)
-    return [*find_copies(logs), *find_short(dataset), *find_fast_sampling(dataset, is_angle), *inputs, *signs]
+    return [*find_copies(logs), *find_short(dataset, is_angle), *find_fast_sampling(dataset, is_angle), *inputs, *signs]
 
 
 def _check(

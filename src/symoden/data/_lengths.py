@@ -1,13 +1,17 @@
 """Recordings that are too short to train on."""
 
+import dataclasses
 from typing import Final
+
+import numpy as np
+from jaxtyping import Bool
 
 from symoden.wording import first_few
 
 from ._dataset import Dataset
 from ._errors import DataError
 from ._findings import Finding, refusal
-from ._masking import LEAST_SAMPLES
+from ._horizons import ADAM_WINDOWS, LEVENBERG_WINDOWS, window_steps, without_poor_ends
 from ._split import split_validation
 
 _SHARE: Final = 0.1  # of a recording that training holds out, unless it is told otherwise
@@ -15,13 +19,12 @@ _HELD_OUT: Final = 4  # samples that it holds out at least
 _NAMED: Final = 5
 
 
-def find_short(dataset: Dataset) -> list[Finding]:
-    """Name recordings with too few samples, and say where training would refuse them all.
-
-    Short recordings alone are as good as long ones; among long ones, windows are too long for them.
+def find_short(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> list[Finding]:
+    """Name recordings that no window of training fits into, and say where training would refuse them all.
 
     Args:
         dataset: Recordings as training sees them.
+        is_angle: Whether each coordinate is an angle.
 
     Returns:
         One finding, or none.
@@ -29,11 +32,13 @@ def find_short(dataset: Dataset) -> list[Finding]:
     if not dataset.train:
         return []
     try:
-        split_validation(dataset, _SHARE, min_samples=_HELD_OUT)
+        held = split_validation(dataset, _SHARE, min_samples=_HELD_OUT)
     except DataError as error:
         return [refusal(error)]
-    longest = max(map(len, dataset.train))
-    short = [each for each in dataset.train if len(each) < min(LEAST_SAMPLES, longest / 2)]
+    held = dataclasses.replace(held, train=tuple(map(without_poor_ends, held.train)))
+    first, then = (window_steps(held, length, is_angle) + 1 for length in (ADAM_WINDOWS, LEVENBERG_WINDOWS))
+    left = {each.name for each in held.train + held.validation if len(each) < then}
+    short = [each for each in dataset.train if each.name in left]
     if not short:
         return []
     named = first_few((f"`{each.name}` ({len(each)})" for each in short), _NAMED)
@@ -43,7 +48,7 @@ def find_short(dataset: Dataset) -> list[Finding]:
             level="masked",
             channel="",
             text=f"few samples in {len(short)} of {len(dataset.train)} recordings of [train]: {named}",
-            advice=f"Training leaves out what is shorter than its windows. Record {LEAST_SAMPLES} samples or more, or "
-            "leave these files out.",
+            advice=f"Training leaves out what is shorter than its windows: of {first} samples at first, of {then} "
+            "later. Record longer, or leave these files out.",
         )
     ]

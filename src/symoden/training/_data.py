@@ -11,15 +11,21 @@ import numpy as np
 from jax.typing import DTypeLike
 
 from symoden.data import (
+    ADAM_WINDOWS,
+    LEVENBERG_WINDOWS,
     Dataset,
     DataWarning,
     Trajectory,
+    WindowLength,
     halves,
     measure_noise,
     spaced_evenly,
     split_validation,
+    usual_steps,
     validates_by_ends,
+    window_steps,
     windows,
+    without_poor_ends,
 )
 from symoden.integrate import HOLDS, RK4
 from symoden.mechanics import AbstractDynamics
@@ -31,21 +37,14 @@ from ._config import TrainingConfig
 from ._level import LEAST_WINDOWS
 from ._objective import AbstractObjective, Batch, Objective, channel_order, channel_weights
 from ._residuals import evaluate_loss
-from ._scales import time_scale
 from ._weak_form import WeakForm
 
 LONGER: Final = (2, 4)
 """Times as long as Levenberg-Marquardt's windows, the longer ones are."""
 HARDLY_ANY: Final = 4
 """Windows of validation whose verdict is hardly one."""
-_ADAM_HORIZON = 0.3  # Relative to the time scale of the motion.
-_LM_HORIZON = 2.0
-_BUMP_HORIZON = 1.0
-_SHORTEST = 3
-_FEWEST_STEPS = 8  # Under a bump, or the trapezoidal rule errs too much.
+_BUMPS = WindowLength(1.0, 8)  # Of fewer steps the trapezoidal rule errs too much.
 _FEWEST = 20  # Of them, or they stay as they are.
-_MOST = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
-_MOST_LEFT_OUT = 0.05  # Share of a recording that its ends may be.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
 _NAMED = 3
 _FEWEST_IN_TURN = 6  # Or these vary by chance as well; enough for few numbers.
@@ -115,20 +114,9 @@ def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
         The data set with its validation part.
     """
     if config.validation:
-        longest = max(config.horizon or _SHORTEST, config.lm_horizon or _SHORTEST)
+        longest = max(config.horizon or ADAM_WINDOWS.least, config.lm_horizon or ADAM_WINDOWS.least)
         dataset = split_validation(dataset, config.validation, min_samples=longest + 1)
-    return dataclasses.replace(dataset, train=tuple(map(_inner, dataset.train)))
-
-
-def _inner(recording: Trajectory) -> Trajectory:
-    """A long recording without the ends where the fits that estimate its rates see one side alone."""
-    # A motion that an input sets off at once bends most there: of a joint with an elastic gear, four windows in 108
-    # began in these samples and made 92 % of the loss.
-    edge = int(np.searchsorted(recording.ts - recording.ts[0], recording.one_sided * (1 - 1e-9)))
-    if 2 * edge > _MOST_LEFT_OUT * len(recording):
-        return recording
-    inner = recording.cut(edge, len(recording) - edge, name=recording.name)
-    return dataclasses.replace(inner, one_sided=0.0)  # What is left is good, and is not cut again.
+    return dataclasses.replace(dataset, train=tuple(map(without_poor_ends, dataset.train)))
 
 
 def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
@@ -142,7 +130,7 @@ def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConf
     Returns:
         The windows.
     """
-    horizon = config.horizon or _horizon(dataset, _ADAM_HORIZON, _SHORTEST)
+    horizon = config.horizon or _horizon(dataset, ADAM_WINDOWS)
     stride = max(1, sum(map(len, dataset.train)) * (horizon + 1) // _MOST_SAMPLES)
     return _data(dataset, dynamics, config, horizon=horizon, stride=stride, dtype=jnp.float32)
 
@@ -158,7 +146,7 @@ def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: Trainin
     Returns:
         The windows, and the sensors' noise at their starts.
     """
-    horizon = config.lm_horizon or _horizon(dataset, _LM_HORIZON, 2 * _SHORTEST)
+    horizon = config.lm_horizon or _horizon(dataset, LEVENBERG_WINDOWS)
     data = _data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
     return _free_starts(_thinned(data, config.lm_samples), dataset).left_out_in_turn(dynamics)
 
@@ -177,8 +165,8 @@ def regression_data(dataset: Dataset, dynamics: AbstractDynamics, config: Traini
     Returns:
         The windows, in double precision; None where momenta were recorded, or too few samples in a row.
     """
-    horizon = _horizon(dataclasses.replace(dataset, validation=()), _BUMP_HORIZON, _FEWEST_STEPS)
-    if dataset.momenta or horizon < _FEWEST_STEPS:
+    horizon = _horizon(dataclasses.replace(dataset, validation=()), _BUMPS)
+    if dataset.momenta or horizon < _BUMPS.least:
         return None
     judged = tuple(recording for recording in dataset.validation if len(recording) > horizon)
     data = _data(
@@ -228,30 +216,9 @@ def _data(
     return Data(train, validation, objective)
 
 
-def _horizon(dataset: Dataset, share: float, least: int) -> int:
-    """Steps in a share of the motion's time scale; two windows or more fill a recording, but for a few short ones."""
-    recordings = dataset.train + dataset.validation
-    step = float(np.mean(np.concatenate([np.diff(recording.ts) for recording in recordings])))
-    wanted = max(least, round(share * time_scale(dataset.train, Space.parse(dataset.space)) / step))
-    parts = [part for part in (dataset.train, dataset.validation) if part]
-    longest = min(_usual_steps(part, 2 * wanted) for part in parts)
-    most = longest // least  # Windows that are long enough.
-    return max(1, longest // max(1, min(most, max(2, round(longest / wanted)))))
-
-
-def _usual_steps(recordings: Sequence[Trajectory], enough: int) -> int:
-    """Steps of the shortest recording, but for short ones that hold few of the samples: these are left out.
-
-    Args:
-        recordings: Recordings.
-        enough: Steps that are not short.
-
-    Returns:
-        Number of steps.
-    """
-    steps = np.sort([len(recording) - 1 for recording in recordings])
-    held = np.cumsum(steps[::-1])[::-1] >= _MOST * steps.sum()  # By recordings that are as long, or longer.
-    return int(steps[steps >= min(enough, steps[held].max())].min())
+def _horizon(dataset: Dataset, length: WindowLength) -> int:
+    """Steps of windows."""
+    return window_steps(dataset, length, Space.parse(dataset.space).is_angle)
 
 
 def name_short(dataset: Dataset, data: Data) -> None:
@@ -317,12 +284,12 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
     found = []
     for factor in LONGER if config.lm_horizon is None else ():
         horizon = factor * (data.train.ts.shape[1] - 1)
-        if 2 * horizon > _usual_steps(dataset.train, 2 * horizon):  # As of shorter ones, two or more fill a recording.
+        if 2 * horizon > usual_steps(dataset.train, 2 * horizon):  # As of shorter ones, two or more fill a recording.
             break
         blind = dataclasses.replace(dataset, validation=())
         long = _data(blind, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
         if dataset.validation:
-            steps = min(horizon, _usual_steps(dataset.validation, horizon))
+            steps = min(horizon, usual_steps(dataset.validation, horizon))
             long = long._replace(validation=_cut(dataset.validation, steps, stride=steps, dtype=jnp.float64))
         long = _thinned(long, config.lm_samples).left_out_in_turn(dynamics)
         alone = long.validation is not None and long.validation.ts.shape[0] == 1 and not long.in_turn
