@@ -63,6 +63,22 @@ def test_an_input_that_acts_at_once_is_not(tmp_path, seed):
     assert described(tmp_path) == []
 
 
+@pytest.mark.parametrize("delay", [0.1, 0.3])
+@pytest.mark.parametrize("seed", range(3))
+def test_where_rows_are_rare_delays_of_a_few_of_them_are_looked_for(tmp_path, delay, seed):
+    pendulum(tmp_path, delay, seed=seed, step=0.1, samples=400)
+    (one,) = described(tmp_path)
+    assert float(one.advice.partition("`input_delay = ")[2].partition("`")[0]) == pytest.approx(delay, abs=1e-3)
+    assert described(tmp_path, f"input_delay = {delay}") == []
+    pendulum(tmp_path, 0.0, seed=seed, step=0.1, samples=400)
+    assert described(tmp_path) == []
+
+
+def test_few_rows_tell_no_delay(tmp_path):
+    pendulum(tmp_path, 0.3, step=0.1, samples=150)
+    assert described(tmp_path) == []
+
+
 def test_noise_hides_it_and_nothing_is_said(tmp_path):
     pendulum(tmp_path, 0.1, noise=0.3)
     assert described(tmp_path) == []

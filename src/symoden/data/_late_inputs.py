@@ -10,7 +10,8 @@ from ._dataset import Dataset
 from ._findings import Finding
 from ._regression import unseen_residuals
 
-_LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less.
+_LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less;
+_STEPS: Final = 5  # and as many steps where these take longer.
 _FINEST: Final = 0.005  # [s] between delays that are tried; half a step else.
 _LESS: Final = (
     0.5  # Share of what was left that is left with the delay: 0.3 on a measured aeropendulum, elsewhere 0.67.
@@ -36,11 +37,12 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     if not dataset.train or not dataset.inputs or dataset.momenta:
         return []
     step = float(np.median(np.concatenate([np.diff(each.ts) for each in dataset.train])))
-    parts = bumps_of(dataset.train, is_angle, first=_LONGEST, held=dataset.hold == "zero")
-    if not parts or 4 * step > _LONGEST:
+    longest = max(_LONGEST, _STEPS * step)
+    parts = bumps_of(dataset.train, is_angle, first=longest, held=dataset.hold == "zero")
+    if not parts:
         return []
     fixed, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
-    every = np.arange(0.0, _LONGEST, max(step / 2, _FINEST))
+    every = np.arange(0.0, longest, max(step / 2, _FINEST))
     variance = np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
     left = []
     for delay in every:
