@@ -115,7 +115,7 @@ def test_bands_without_test_recordings_leave_all_other_scores(arm, arm_run, tmp_
     assert found["bands"]["unavailable"].startswith("Bands need recordings in the part `test`")
 
 
-def test_too_few_windows_give_no_bands_but_all_else(arm_run, tmp_path, capsys):
+def test_too_few_windows_give_no_bands_but_all_else(arm_run, arm, tmp_path, capsys):
     run = tmp_path / "run"
     shutil.copytree(arm_run, run)
     config = json.loads((run / "config.json").read_text())
@@ -134,6 +134,15 @@ def test_too_few_windows_give_no_bands_but_all_else(arm_run, tmp_path, capsys):
     assert " ± " not in printed
     assert main(["report", str(run), "--out", str(tmp_path / "page.html")]) == 0
     assert f"No bands: {message}" in (tmp_path / "page.html").read_text()
+    words = ["predict", run, arm, "--out", tmp_path / "paths.npz", "--bands"]
+    assert answer(capsys, *words)["bands"]["unavailable"].startswith(message)
+    with np.load(tmp_path / "paths.npz") as file:
+        assert np.isfinite(file["test:b/q_predicted"]).all()
+        for name in ("q_half_width", "q_windows", "q_windows_half_width"):
+            assert file[f"test:b/{name}"].shape == (60, 1)
+            assert np.isnan(file[f"test:b/{name}"]).all()
+    assert main([*map(str, words)]) == 0
+    assert f"warning: no bands, so that their arrays are NaN: {message}" in capsys.readouterr().err
 
 
 def test_predict_writes_every_recording_and_its_rollout(arm_run, arm, tmp_path, capsys):
@@ -148,6 +157,28 @@ def test_predict_writes_every_recording_and_its_rollout(arm_run, arm, tmp_path, 
     assert main(["predict", str(arm_run), str(arm), "--out", str(path)]) == 0
     last = capsys.readouterr().out.splitlines()[-1]
     assert last == "  PART:NAME/{ts,q,rates,u,q_predicted,rates_predicted}, such as train:a/q_predicted"
+
+
+def test_predict_writes_bands_beside_rollouts(arm_run, arm, tmp_path, capsys):
+    path = tmp_path / "paths.npz"
+    bands = answer(capsys, "predict", arm_run, arm, "--out", path, "--bands")["bands"]
+    assert (bands["level"], bands["horizon_s"], bands["calibrated_on"]) == (0.9, 1.0, "train")
+    with np.load(path) as file:
+        assert len(file.files) == 2 * 9
+        ts, q, whole = (file[f"test:b/{name}"] for name in ("ts", "q", "q_predicted"))
+        half, windows, widths = (
+            file[f"test:b/{name}"] for name in ("q_half_width", "q_windows", "q_windows_half_width")
+        )
+    assert half.shape == windows.shape == widths.shape == q.shape == (60, 1)
+    assert np.array_equal(np.isfinite(half[:, 0]), ts < 1.0 + 1e-6)
+    covered = np.isfinite(widths[:, 0])
+    assert np.array_equal(covered, ts < 2.0 + 1e-6)  # Of 2.95 s: the last window is whole, too.
+    assert bands["coverage"]["test:b"] == np.mean(np.abs(windows - q)[covered][1:] <= widths[covered][1:])
+    np.testing.assert_allclose(windows[:20], whole[:20], atol=1e-6)
+    assert main(["predict", str(arm_run), str(arm), "--out", str(path), "--bands"]) == 0
+    names, said = capsys.readouterr().out.splitlines()[-2:]
+    assert "q_predicted,rates_predicted,q_half_width,q_windows,q_windows_half_width}" in names
+    assert said.startswith("90% bands of the first 1 s of q_predicted")
 
 
 def test_predict_warns_where_the_model_extrapolates(arm_run, described, tmp_path, capsys, monkeypatch):

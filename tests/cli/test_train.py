@@ -187,6 +187,9 @@ def test_members_join_a_run_that_has_ended_and_make_its_bands(trained, arm, tmp_
     assert "from 2 models from other initial weights" in " ".join(capsys.readouterr().out.split())
     assert main(["evaluate", str(run), "--bands"]) == 0
     assert "90% bands" in capsys.readouterr().out
+    assert main(["predict", str(run), str(arm), "--out", str(tmp_path / "paths.npz"), "--bands"]) == 0
+    with np.load(tmp_path / "paths.npz") as file:
+        assert np.isfinite(file["test:b/q_half_width"][:20]).all()
 
 
 def test_resuming_where_nothing_is_starts_a_run(trained, arm, tmp_path, capsys):

@@ -13,10 +13,13 @@ from symoden.blocks import Known, KnownValue
 from symoden.data import Dataset, Trajectory
 from symoden.experiments import (
     Ranges,
+    Stretch,
     _bands,
+    bands_along,
     calibrate_bands,
     certainty,
     inspect_model,
+    predict,
     recorded_paths,
     score_bands,
     simulate,
@@ -214,6 +217,58 @@ def test_recordings_shorter_than_a_window_are_judged_and_drawn_as_a_whole(traine
     assert window.ts == pytest.approx(recording.ts)
 
 
+def test_bands_along_a_recording_are_those_that_are_drawn_and_nan_elsewhere(trained):
+    result, dataset = trained
+    held = hold_out(dataset, STEPS)
+    bands = calibrate_bands(infer_posterior(result.model, dataset, STEPS), held, solver=RK4(2))
+    bands = dataclasses.replace(bands, horizon=0.5)
+    (first,), second = simulate(task("pendulum"), train_initials=1, test_initials=1).prediction, held.test[0]
+    recordings = [first.cut(0, 37, name="longer"), second.cut(0, 5, name="short")]
+    paths = predict(result.model, recordings, solver=RK4(2))
+    found = bands_along(bands, recordings, paths)
+    drawn = recorded_paths(result.model, recordings, hold="zero", solver=RK4(2), bands=bands)
+    for along, recording, path, shown in zip(found, recordings, paths, drawn, strict=True):
+        judged = np.zeros(len(recording), bool)
+        for window in shown.windows:
+            rows = np.searchsorted(recording.ts, window.ts - 1e-9)[1:]
+            assert np.array_equal(along.windows[rows], window.q[1:])
+            assert np.array_equal(along.windows_half_width[rows], window.half_width[1:])
+            judged[rows] = True
+        assert np.array_equal(np.isfinite(along.windows_half_width[1:, 0]), judged[1:])
+        inside = np.abs(along.windows - recording.q)[judged] <= along.windows_half_width[judged]
+        assert along.coverage == inside.mean()
+        early = recording.ts - recording.ts[0] <= bands.horizon + 1e-9
+        assert np.array_equal(np.isfinite(along.half_width[:, 0]), early)
+        # It is also about the rollout from the first sample, which the first of the windows is.
+        assert path.q[early] == pytest.approx(along.windows[early], abs=1e-6)
+        assert along.half_width[early][1:-1] == pytest.approx(shown.windows[0].half_width[1:-1], rel=1e-3)
+    longer, short = found
+    assert len(drawn[0].windows) > 1
+    assert np.isnan(longer.windows_half_width[-1]).all()
+    assert np.isfinite(short.half_width).all()
+
+
+def test_the_band_of_a_rollout_is_about_the_state_that_it_starts_in(trained):
+    result, dataset = trained
+    held = hold_out(dataset, STEPS)
+    bands = calibrate_bands(infer_posterior(result.model, dataset, STEPS), held, solver=RK4(2))
+    bands = dataclasses.replace(bands, horizon=0.5)
+    (recording,) = (dataclasses.replace(each, initial_samples=6) for each in held.test[:1])
+    (path,) = predict(result.model, [recording], solver=RK4(2))
+    begun = dataclasses.replace(
+        recording,
+        q=np.concatenate([path.q[:1], recording.q[1:]]),
+        rates=np.concatenate([path.rates[:1], recording.rates[1:]]),
+    )
+    assert not np.array_equal(path.q[0], recording.q[0])
+    (along,) = bands_along(bands, [recording], [path])
+    (band,) = bands.predict([Stretch(trajectory=begun, start=0, stop=len(begun))])
+    early = recording.ts - recording.ts[0] <= bands.horizon + 1e-9
+    assert along.half_width[early] == pytest.approx(band.half_width[early], rel=1e-5)
+    assert band.q[early] == pytest.approx(path.q[early], abs=1e-5)
+    assert np.isnan(along.windows[:5]).all()  # Windows start after the initial samples.
+
+
 def test_no_band_covers_what_diverges(trained):
     result, dataset = trained
     held = hold_out(dataset, STEPS)
@@ -228,6 +283,11 @@ def test_no_band_covers_what_diverges(trained):
     )
     held_by_bands = np.sum(error <= half) / (error.size + lost * error.shape[1])
     assert score_bands(bands, [calm, wild]).coverage == pytest.approx(held_by_bands, rel=1e-9)
+    thrown = dataclasses.replace(calm, name="thrown", us=np.full_like(calm.us, 1e300))
+    (along,) = bands_along(bands, [thrown], predict(result.model, [thrown], solver=RK4(2)))
+    assert along.coverage == 0
+    assert np.isnan(along.half_width[1:]).all()
+    assert np.isnan(along.windows_half_width[1:]).all()
 
 
 def test_bands_go_on_where_angles_go_round_whatever_the_model(trained):

@@ -65,8 +65,8 @@ class Train:
         trajectories: Number of a task's training trajectories, chosen at random; more are simulated where needed.
         noise: Standard deviation of Gaussian noise on every coordinate and rate of a task's training trajectories.
         members: Also train this many models like it, from other initial weights on windows drawn with replacement: how
-            they scatter makes the bands of `inspect`, `evaluate` and `report`. At least 2, better 8; with --resume they
-            are added to a run that has ended, or to those that it has.
+            they scatter makes the bands of `inspect`, `evaluate`, `predict` and `report`. At least 2, better 8; with
+            --resume they are added to a run that has ended, or to those that it has.
         resume: Continue the run in the folder, with its settings.
         max_minutes: Stop after this time with the best model so far.
         general: How to report.
@@ -121,16 +121,23 @@ class Predict:
     train, validation, test or, of a task, prediction. The first state is the measured one; where the data set
     has `initial_samples` above 1, it is found from these with the model.
 
+    With --bands the file also holds …/q_half_width (T, n), half of the 90 % band of q_predicted over its first second,
+    and NaN after that: bands are judged over windows of a second, as `evaluate` has them. Such windows go along the
+    whole recording in …/q_windows (T, n), rollouts one after the other, each from a measured state, and
+    …/q_windows_half_width, half of their bands, as `report` draws them; NaN at the end, which no whole window reaches.
+
     Attributes:
         run: Folder of the run.
         source: A task or the description of a data set.
         out: File to write.
+        bands: Also write 90 % bands; they need the data that the run was trained on.
         general: How to report.
     """
 
     run: RunFolder
     source: SourceName
     out: ArrayFile
+    bands: bool = False
     general: General = field(default_factory=General)
 
 

@@ -8,9 +8,10 @@ from ._bands import (
     calibrate_bands as calibrate_bands,
     score_bands as score_bands,
 )
+from ._batches import Stretch as Stretch
 from ._block_errors import BlockErrors as BlockErrors, block_errors as block_errors
 from ._cells import Cell as Cell, CellResult as CellResult, cells as cells
-from ._certainty import Certainty as Certainty, certainty as certainty
+from ._certainty import LEVEL as LEVEL, Certainty as Certainty, certainty as certainty
 from ._control import (
     LEARNED as LEARNED,
     ControlConfig as ControlConfig,
@@ -63,7 +64,12 @@ from ._portrait import (
 from ._posteriors import read_ensemble as read_ensemble, read_posterior as read_posterior
 from ._presets import PRESETS as PRESETS, preset as preset
 from ._ranges import Ranges as Ranges
-from ._recorded import RecordedPaths as RecordedPaths, recorded_paths as recorded_paths
+from ._recorded import (
+    BandsAlong as BandsAlong,
+    RecordedPaths as RecordedPaths,
+    bands_along as bands_along,
+    recorded_paths as recorded_paths,
+)
 from ._results import (
     cell_folder as cell_folder,
     read_result as read_result,
@@ -104,6 +110,7 @@ from ._variants import simulate_variant as simulate_variant
 
 __all__ = [
     "LEARNED",
+    "LEVEL",
     "PAPER",
     "PAPER_ORDER",
     "PRESETS",
@@ -112,6 +119,7 @@ __all__ = [
     "BandScore",
     "BandedPath",
     "Bands",
+    "BandsAlong",
     "BlockCurves",
     "BlockErrors",
     "Cell",
@@ -143,6 +151,7 @@ __all__ = [
     "RunConfig",
     "SeedErrors",
     "Source",
+    "Stretch",
     "Sweep",
     "SweepCurve",
     "Task",
@@ -154,6 +163,7 @@ __all__ = [
     "absolute_name",
     "anchor",
     "audit",
+    "bands_along",
     "block_errors",
     "calibrate_bands",
     "cell_folder",

@@ -17,7 +17,8 @@ from symoden.training import AbstractPosterior, Ensemble, Laplace
 
 from ._inspect import FrictionProfile, Inspection, Profile, identified_parameters
 
-LEVEL: Final = 0.9  # Of every band.
+LEVEL: Final = 0.9
+"""Probability that a band is meant to cover."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
