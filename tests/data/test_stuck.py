@@ -116,3 +116,35 @@ def test_a_position_that_is_logged_more_slowly_than_the_table_is_no_stuck_sensor
     rows[:, 1] = rows[40 * (np.arange(3000) // 40), 1]
     assert masked(tmp_path, rows) == []
     assert any(one.kind == "stuck" for one in found(written(tmp_path, rows)))
+
+
+def noisy(seed, *, noise, step=1e-4):
+    """A slow swing without velocities whose sensor has noise beside a finer rounding."""
+    rows = turning(600, seed=seed, pace=0.0)
+    rows[:, 1] = step * np.round((0.3 * rows[:, 1] + np.random.default_rng(seed).normal(0, noise, 600)) / step)
+    return rows
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("length", [30, 80])
+def test_a_noisy_position_that_stops_and_then_leaps_is_stuck(tmp_path, seed, length):
+    rows = noisy(seed, noise=1e-3)
+    assert found(written(tmp_path, rows, rates="")) == []
+    moves = np.abs(rows[length:, 1] - rows[:-length, 1])
+    start = int(np.argmax(moves))  # Where it goes on elsewhere.
+    rows[start : start + length, 1] = rows[start, 1]
+    (one,) = found(written(tmp_path, rows, rates=""))
+    assert (one.kind, one.level, one.channel) == ("stuck", "warning", "q")
+    assert one.spans == ((pytest.approx(rows[start, 0]), pytest.approx(rows[start + length - 1, 0])),)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
+@pytest.mark.parametrize("seed", range(3))
+def test_an_encoder_that_rests_and_is_then_moved_is_not(tmp_path, noise, seed):
+    """Stick and slip within a row, and a start from rest; what has noise keeps it."""
+    rng = np.random.default_rng(seed)
+    slips = np.repeat(np.cumsum(rng.choice([-1, 1], 20) * rng.uniform(0.1, 0.5, 20)), 30)
+    rows = noisy(seed, noise=0.0)
+    for way in (slips, np.where(np.arange(600) < 60, rows[60, 1], rows[:, 1])):
+        rows[:, 1] = 1e-4 * np.round((way + rng.normal(0, noise, 600)) / 1e-4)
+        assert [one for one in found(written(tmp_path, rows, rates="")) if one.kind == "stuck"] == []

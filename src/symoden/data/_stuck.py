@@ -25,6 +25,10 @@ _SETTLES: Final = 0.15  # and the part of it in which a velocity that is filtere
 _FAST: Final = 0.5  # of the usual speed; what is slower may be a bias
 _MOST_FROZEN: Final = 1 / 3  # of the rows, in more than a few stretches: a position logged more slowly than the table
 _FEW: Final = 3
+_RARE: Final = 0.1  # Share of samples that equal the one before, elsewhere.
+_NOISY: Final = 2.0  # Steps of rounding, and
+_SEEN: Final = 1e-5  # share of the range, that the noise must be to be one: that of a simulation is neither.
+_LEAP: Final = 4.0  # Times all other changes near it.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,7 +111,8 @@ def find_stuck(facts: Facts) -> list[Finding]:
 
     Where both are logged, they contradict each other if q − k ∫v dt, which should be constant, leaves what rounding and
     noise allow; the one that is identical is to blame. Where a joint seems at rest, nothing can contradict but the
-    other joints, or an input that swings through most of its range; that it is held by friction is possible too.
+    other joints, or an input that swings through most of its range; that it is held by friction is possible too. What
+    has noise of several steps of its rounding never rests: then a leap with which it goes on tells enough.
 
     Args:
         facts: Facts of a log.
@@ -117,7 +122,7 @@ def find_stuck(facts: Facts) -> list[Finding]:
     """
     found = []
     for i, position in enumerate(facts.positions):
-        stuck = [*_contradicted(facts, i, facts.q[:, i], by_velocity=True), *_alone(facts, i)]
+        stuck = [*_contradicted(facts, i, facts.q[:, i], by_velocity=True), *_alone(facts, i), *_silent(facts, i)]
         found.extend(_finding(facts, position.name, stuck))
         if facts.v is not None:
             stuck = _contradicted(facts, i, facts.v[:, i], by_velocity=False)
@@ -160,6 +165,24 @@ def _alone(facts: Facts, i: int) -> list[tuple[int, int]]:
         if facts.ts[end] - facts.ts[start] < least or _may_turn(facts, i, start, end):
             continue
         if any(np.ptp(other) > 0 and np.ptp(other[part]) > share * np.ptp(other) for other, share in others):
+            stuck.append((start, end))
+    return stuck
+
+
+def _silent(facts: Facts, i: int) -> list[tuple[int, int]]:
+    """Standstills of coordinate i, whose noise makes equal neighbours rare elsewhere, that end by a leap."""
+    position = facts.positions[i]
+    if position.noise <= max(_NOISY * position.quantum, _SEEN * position.span):
+        return []
+    q = np.unwrap(facts.q[:, i]) if facts.is_angle[i] else facts.q[:, i]
+    changes, stuck = np.abs(np.diff(q)), []
+    for start, end in standstills(facts.ts, q, least=2 * _LEAST, longest=facts.longest):
+        elsewhere = np.delete(changes, slice(start, end))
+        if end == len(changes) or facts.ts[end + 1] - facts.ts[end] > facts.longest or not len(elsewhere):
+            continue
+        near = np.r_[max(0, 2 * start - end) : start, end + 1 : min(len(changes), 2 * end + 1 - start)]
+        least = max(_NOISES * position.noise, _LEAP * changes[near].max(initial=0.0))
+        if np.mean(elsewhere == 0) < _RARE and changes[end] > least:
             stuck.append((start, end))
     return stuck
 
