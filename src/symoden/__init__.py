@@ -38,6 +38,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "run_episodes": "symoden.control",
     "save": "symoden.models",
     "write_dataset": "symoden.data",
+    "write_urdf": "symoden.experiments",
 }
 
 

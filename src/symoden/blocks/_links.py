@@ -106,7 +106,7 @@ class Links(eqx.Module):
         twists = jnp.concatenate([turns, shifts[:, :, None]], axis=2)  # The first three rows of ξ; the last is zero.
         matrix = jnp.einsum("iab,jab->ij", twists, jnp.einsum("kab,kbc->kac", twists, composites))
         matrix = matrix * self._hangs.astype(q.dtype)
-        matrix = matrix + jnp.triu(matrix, 1).T + jnp.diag(self._drives)
+        matrix = matrix + jnp.triu(matrix, 1).T + jnp.diag(self.drives)
         order = np.argsort(self.coordinates)
         return matrix[np.ix_(order, order)]
 
@@ -128,11 +128,21 @@ class Links(eqx.Module):
         return dataclasses.replace(self, roots=self.roots.times(math.sqrt(factor)), rotors=self.rotors.times(factor))
 
     @property
+    def inertias(self) -> Float[Array, "b 4 4"]:
+        """Pseudo-inertia of each body in the frame of its joint [kg m², kg m, kg]."""
+        roots = self._roots()
+        return _product(roots, jnp.swapaxes(roots, 1, 2))
+
+    @property
+    def drives(self) -> Float[Array, " b"]:
+        """Inertia of each joint's drive as seen at the joint [kg m², or kg]."""
+        return self.rotors.value * jnp.exp(self.theta[:, -1])
+
+    @property
     def quantities(self) -> dict[str, Array]:
         """Mass [kg], centre of mass [m], moments of inertia about it [kg m²] and the drive's, by joint and name."""
         found: dict[str, Array] = {}
-        for joint, U, rotor in zip(self.joints, self._roots(), self._drives, strict=True):
-            J = U @ U.T
+        for joint, J, rotor in zip(self.joints, self.inertias, self.drives, strict=True):
             m = jnp.maximum(J[3, 3], jnp.finfo(J.dtype).tiny)
             centre = J[:3, 3] / m
             second = J[:3, :3] - m * jnp.outer(centre, centre)
@@ -142,11 +152,6 @@ class Links(eqx.Module):
                 f"{joint}.{name}": value for name, value in zip(_QUANTITIES, (m, *centre, *rest, rotor), strict=True)
             }
         return found
-
-    @property
-    def _drives(self) -> Float[Array, " b"]:
-        """Inertia of each joint's drive."""
-        return self.rotors.value * jnp.exp(self.theta[:, -1])
 
     @property
     def _hangs(self) -> np.ndarray:

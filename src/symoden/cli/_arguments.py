@@ -145,14 +145,21 @@ class Predict:
 class Inspect:
     """Show what a model learned and how certain it is: M, V, g and D over the data's range, and the power audit.
 
+    Of a robot (`robot = "arm.urdf"` under [known]) --urdf writes a copy of its file with the identified masses, centres
+    and moments of inertia, and with damping and dry friction where two numbers tell it; all else stays. What hangs on a
+    body by fixed joints shares what was found of it. The inertia of drives, which a URDF has no place for, is printed,
+    and named in a comment of the file.
+
     Attributes:
         run: Folder of the run.
         figure: Picture of M, V, g, D and friction with their bands: PNG, PDF or SVG.
+        urdf: URDF file to write, with what was learned of the robot that the run was given.
         general: How to report.
     """
 
     run: RunFolder
     figure: Figure = None
+    urdf: Annotated[Path | None, arg(metavar="FILE.urdf", help_behavior_hint="(default: none)")] = None
     general: General = field(default_factory=General)
 
 

@@ -1,13 +1,15 @@
 """`symoden inspect`."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 
-from symoden.experiments import Certainty, Inspection
+from symoden.experiments import Certainty, IdentifiedJoint, Inspection, write_urdf
 
 from ._arguments import Inspect
 from ._figure import check_figure, save_figure
 from ._learned import Learned
-from ._output import print_json, print_table
+from ._output import TableText, number, print_json, print_table
 from ._tables import facts, tables
 from ._words import audit_as_json, audit_words, certainty_words, name_unfinished, training_words
 
@@ -21,6 +23,7 @@ def run(command: Inspect) -> None:
     check_figure(command.figure)
     learned = Learned.of(command.run)
     name_unfinished(learned.config)
+    joints = None if command.urdf is None else _write_robot(command.urdf, learned)
     found, certain = learned.inspect()
     split, audited = learned.audit()
     if command.figure is not None:
@@ -29,7 +32,8 @@ def run(command: Inspect) -> None:
         audit = audit_as_json(split, audited, learned.missing)
         trained = learned.config.trained
         training = {"training": None if trained is None else asdict(trained)}
-        print_json(_as_json(found, audit, _certainty_as_json(certain, learned.uncertain)) | training)
+        written = {} if joints is None else {"urdf": {"out": str(command.urdf), "joints": [*map(asdict, joints)]}}
+        print_json(_as_json(found, audit, _certainty_as_json(certain, learned.uncertain)) | training | written)
         return
     print(f"{command.run}: {learned.config.model.kind} model of {learned.config.source}, space {found.space}")
     for name, value in facts(found):
@@ -45,6 +49,33 @@ def run(command: Inspect) -> None:
             print("", heading, *words, sep="\n")
     if command.figure is not None:
         print(f"\nall of it is drawn in {command.figure}")
+    if joints is not None:
+        print_table(*_robot_table(command.urdf, joints))
+        print("\ndrives have no place in a URDF: a comment in the file says what they are")
+
+
+def _write_robot(path: Path, learned: Learned) -> tuple[IdentifiedJoint, ...]:
+    """Write what was learned of the run's robot."""
+    if path.suffix.lower() != ".urdf":
+        raise ValueError(f"`--urdf` must end in .urdf; got `{path}`.")
+    if learned.source is None:
+        raise ValueError(
+            f"`--urdf` needs the robot's file, which the run's data name; they cannot be read: {learned.missing}"
+        )
+    known = learned.source.dataset.known
+    if known is None or known.robot is None:
+        raise ValueError(
+            '`--urdf` needs a run that was given a robot; this one was not. Train with `robot = "arm.urdf"` under '
+            "[known] of the description."
+        )
+    return write_urdf(path, learned.model, known.robot, ranges=learned.config.data.ranges)
+
+
+def _robot_table(path: Path | None, joints: Sequence[IdentifiedJoint]) -> TableText:
+    """What was found of each joint, beside what its body weighs."""
+    columns = ("joint", "drive, not in it", "damping", "dry friction", "misses of friction")
+    rows = [(each.joint, each.drive, *map(number, (each.damping, each.friction, each.missed))) for each in joints]
+    return TableText(f"the identified robot is in {path}: SI units; - where friction is left as it was", columns, rows)
 
 
 def _certainty_as_json(found: Certainty | None, missing: str) -> dict[str, object]:

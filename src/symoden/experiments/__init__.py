@@ -106,6 +106,7 @@ from ._trained import (
     Trained as Trained,
     read_contests as read_contests,
 )
+from ._urdf import IdentifiedJoint as IdentifiedJoint, write_urdf as write_urdf
 from ._variants import simulate_variant as simulate_variant
 
 __all__ = [
@@ -135,6 +136,7 @@ __all__ = [
     "Extrapolation",
     "Field",
     "FrictionProfile",
+    "IdentifiedJoint",
     "Inspection",
     "MeanStd",
     "MotionScore",
@@ -218,4 +220,5 @@ __all__ = [
     "unseen_rollouts",
     "write_result",
     "write_run",
+    "write_urdf",
 ]

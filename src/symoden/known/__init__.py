@@ -5,6 +5,18 @@ Nothing here imports JAX, so that descriptions are read quickly.
 
 from ._expressions import FUNCTIONS as FUNCTIONS, Expression as Expression
 from ._parts import PARTS as PARTS, KnownParts as KnownParts
+from ._rewrite import Identified as Identified, rewrite_urdf as rewrite_urdf
 from ._robot import GRAVITY as GRAVITY, Body as Body, Robot as Robot, read_urdf as read_urdf
 
-__all__ = ["FUNCTIONS", "GRAVITY", "PARTS", "Body", "Expression", "KnownParts", "Robot", "read_urdf"]
+__all__ = [
+    "FUNCTIONS",
+    "GRAVITY",
+    "PARTS",
+    "Body",
+    "Expression",
+    "Identified",
+    "KnownParts",
+    "Robot",
+    "read_urdf",
+    "rewrite_urdf",
+]

@@ -3,7 +3,7 @@
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
@@ -62,10 +62,15 @@ class Robot:
     Attributes:
         bodies: From the base outwards.
         gravity: Acceleration of free fall in the frame of the base [m/s²].
+        file: What it was read from, for `write_urdf`; None where nothing was.
+        at: Where joints of the file stand that are no coordinates [rad or m]; at zero where nothing is said.
     """
 
     bodies: tuple[Body, ...]
     gravity: Vector = GRAVITY
+    # Neither changes what is learned: `Dataset.digest`, which is made of what is printed, stays as it is without them.
+    file: Path | None = field(default=None, repr=False, compare=False)
+    at: Mapping[str, float | int] = field(default_factory=dict, repr=False, compare=False)
 
     def with_drives(self, inertias: Sequence[float | int]) -> "Robot":
         """The same robot with other drives.
@@ -80,7 +85,7 @@ class Robot:
         return replace(self, bodies=tuple(replace(body, drive=float(inertia)) for body, inertia in pairs))
 
 
-class _Joint(NamedTuple):
+class Joint(NamedTuple):
     """A joint as the file has it."""
 
     name: str
@@ -90,6 +95,29 @@ class _Joint(NamedTuple):
     origin: np.ndarray
     axis: np.ndarray
     mimics: str
+
+
+class Assembly(NamedTuple):
+    """Links of a file on the bodies that move.
+
+    Attributes:
+        bodies: The joint of each body, from the base outwards, the number of the body that carries it (-1 for the
+            base), and where on that.
+        links: Pseudo-inertia of each link in its own frame.
+        carried: The body that each link which hangs on a joint belongs to, and where on it, from the base outwards.
+    """
+
+    bodies: list[tuple[Joint, int, np.ndarray]]
+    links: dict[str, np.ndarray]
+    carried: dict[str, tuple[int, np.ndarray]]
+
+    def inertias(self) -> list[np.ndarray]:
+        """Pseudo-inertia of each body in the frame of its joint."""
+        found = [np.zeros((4, 4)) for _ in self.bodies]
+        for link, (body, frame) in self.carried.items():
+            if body >= 0:
+                found[body] += frame @ self.links[link] @ frame.T
+        return found
 
 
 def read_urdf(
@@ -115,29 +143,11 @@ def read_urdf(
         ValueError: If the file is no URDF of one tree, a number is unfit, or a joint is unknown or of another kind.
         OSError: If the file cannot be read.
     """
-    root = _parse(Path(path))
-    links = {_name(node, "link"): _pseudo_inertia(node) for node in root.findall("link")}
-    every = [_joint(node) for node in root.findall("joint")]
-    tree = _outwards(every, links)
-    chosen = [joint.name for joint in tree if joint.kind in _MOVING] if joints is None else list(joints)
-    at = {} if at is None else at
-    _refuse_joints(chosen, tree, at)
-    coordinates = {name: k for k, name in enumerate(chosen)}
-    carried = {link: (-1, np.eye(4)) for link in links}  # The body that each link belongs to, and where on it.
-    found: list[tuple[_Joint, int, np.ndarray]] = []
-    inertias: list[np.ndarray] = []
-    for joint in tree:
-        body, frame = carried[joint.parent]
-        frame = frame @ joint.origin
-        if joint.name in coordinates:
-            found.append((joint, body, frame))
-            inertias.append(np.zeros((4, 4)))
-            body, frame = len(found) - 1, np.eye(4)
-        elif joint.name in at:
-            frame = frame @ _motion(joint, at[joint.name])
-        carried[joint.child] = body, frame
-        if body >= 0:
-            inertias[body] += frame @ links[joint.child] @ frame.T
+    at = {} if at is None else dict(at)
+    assembly = assemble(parse(Path(path).read_bytes()), joints, at)
+    names = [joint.name for joint, _, _ in assembly.bodies] if joints is None else joints
+    coordinates = {name: k for k, name in enumerate(names)}
+    inertias = assembly.inertias()
     if not any(inertia[3, 3] > 0 for inertia in inertias):
         raise ValueError(
             "A body that moves must have a mass; none has. Give the links their <inertial>, if only roughly."
@@ -152,14 +162,24 @@ def read_urdf(
             origin=tuple(map(_tuple, frame)),
             inertia=tuple(map(_tuple, inertia)),
         )
-        for (joint, parent, frame), inertia in zip(found, inertias, strict=True)
+        for (joint, parent, frame), inertia in zip(assembly.bodies, inertias, strict=True)
     )
-    return Robot(bodies=bodies, gravity=_tuple(_numbers(" ".join(map(str, gravity)), 3, "`gravity`")))
+    falls = _tuple(_numbers(" ".join(map(str, gravity)), 3, "`gravity`"))
+    return Robot(bodies=bodies, gravity=falls, file=Path(path).absolute(), at=at)
 
 
-def _parse(path: Path) -> ET.Element:
-    """Root of the file's tree, which may define nothing of its own."""
-    content = path.read_bytes()
+def parse(content: bytes) -> ET.Element:
+    """Root of a file's tree, which may define nothing of its own.
+
+    Args:
+        content: The file.
+
+    Returns:
+        The root.
+
+    Raises:
+        ValueError: If it is no plain XML file of a robot.
+    """
     if len(content) > _LARGEST or b"<!ENTITY" in content or b"<!DOCTYPE" in content:
         raise ValueError(f"a URDF must be a plain XML file of at most {_LARGEST} bytes, without a DOCTYPE. Remove it.")
     try:
@@ -171,7 +191,36 @@ def _parse(path: Path) -> ET.Element:
     return root
 
 
-def _outwards(joints: Sequence[_Joint], links: Mapping[str, np.ndarray]) -> list[_Joint]:
+def assemble(root: ET.Element, joints: Sequence[str] | None, at: Mapping[str, float | int]) -> Assembly:
+    """Put the links of a file together to bodies that move.
+
+    Args:
+        root: Root of the file's tree.
+        joints: Names of the joints that move; all that can if None.
+        at: Where others stand.
+
+    Returns:
+        The links on their bodies.
+    """
+    links = {_name(node, "link"): pseudo_inertia(node) for node in root.findall("link")}
+    tree = _outwards([_joint(node) for node in root.findall("joint")], links)
+    chosen = [joint.name for joint in tree if joint.kind in _MOVING] if joints is None else list(joints)
+    _refuse_joints(chosen, tree, at)
+    placed = {link: (-1, np.eye(4)) for link in links}
+    assembly = Assembly([], links, {})
+    for joint in tree:
+        body, frame = placed[joint.parent]
+        frame = frame @ joint.origin
+        if joint.name in chosen:
+            assembly.bodies.append((joint, body, frame))
+            body, frame = len(assembly.bodies) - 1, np.eye(4)
+        elif joint.name in at:
+            frame = frame @ _motion(joint, at[joint.name])
+        placed[joint.child] = assembly.carried[joint.child] = body, frame
+    return assembly
+
+
+def _outwards(joints: Sequence[Joint], links: Mapping[str, np.ndarray]) -> list[Joint]:
     """The joints from the base outwards, branch by branch."""
     for what, names in (("link", [joint.child for joint in joints]), ("joint", [joint.name for joint in joints])):
         name, count = Counter(names).most_common(1)[0] if names else ("", 0)
@@ -181,12 +230,12 @@ def _outwards(joints: Sequence[_Joint], links: Mapping[str, np.ndarray]) -> list
         for link in (joint.parent, joint.child):
             if link not in links:
                 raise ValueError(f"joint `{joint.name}`: its parent and its child must be links; there is no `{link}`.")
-    hanging: dict[str, list[_Joint]] = {link: [] for link in links}
+    hanging: dict[str, list[Joint]] = {link: [] for link in links}
     for joint in reversed(joints):
         hanging[joint.parent].append(joint)
     children = {joint.child for joint in joints}
     waiting = [joint for joint in reversed(joints) if joint.parent not in children]
-    found: list[_Joint] = []
+    found: list[Joint] = []
     while waiting:
         found.append(waiting.pop())
         waiting.extend(hanging[found[-1].child])
@@ -197,7 +246,7 @@ def _outwards(joints: Sequence[_Joint], links: Mapping[str, np.ndarray]) -> list
     return found
 
 
-def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint], at: Mapping[str, float | int]) -> None:
+def _refuse_joints(chosen: Sequence[str], tree: Sequence[Joint], at: Mapping[str, float | int]) -> None:
     """Refuse coordinates that are no joints, or none that are supported, and places of joints that move or cannot."""
     kinds = {joint.name: joint.kind for joint in tree}
     moving = ", ".join(f"`{name}`" for name, kind in kinds.items() if kind in _MOVING)
@@ -225,7 +274,7 @@ def _refuse_joints(chosen: Sequence[str], tree: Sequence[_Joint], at: Mapping[st
             raise ValueError(f"joint `{name}` must be fixed, {' or '.join(_MOVING)}; got {kind}. Replace it by these.")
 
 
-def _joint(node: ET.Element) -> _Joint:
+def _joint(node: ET.Element) -> Joint:
     """A joint."""
     name = _name(node, "joint")
     ends = [node.find(end) for end in ("parent", "child")]
@@ -238,10 +287,10 @@ def _joint(node: ET.Element) -> _Joint:
         raise ValueError(f"joint `{name}`: its axis must have a length; got zero.")
     mimic = node.find("mimic")
     mimics = "" if mimic is None or kind not in _MOVING else mimic.get("joint", "another one")
-    return _Joint(name, kind, parent, child, _frame(node, f"joint `{name}`"), direction / (length or 1), mimics)
+    return Joint(name, kind, parent, child, _frame(node, f"joint `{name}`"), direction / (length or 1), mimics)
 
 
-def _motion(joint: _Joint, value: float | int) -> np.ndarray:
+def _motion(joint: Joint, value: float | int) -> np.ndarray:
     """Motion of a joint by a value, 4 × 4."""
     from scipy.spatial.transform import Rotation
 
@@ -253,8 +302,18 @@ def _motion(joint: _Joint, value: float | int) -> np.ndarray:
     return found
 
 
-def _pseudo_inertia(node: ET.Element) -> np.ndarray:
-    """∫ x xᵀ dm of a link in its own frame; zero for one without a mass."""
+def pseudo_inertia(node: ET.Element) -> np.ndarray:
+    """∫ x xᵀ dm of a link in its own frame; zero for one without a mass.
+
+    Args:
+        node: The link.
+
+    Returns:
+        The matrix, of a body that can be.
+
+    Raises:
+        ValueError: If a number is unfit.
+    """
     what = f"link `{_name(node, 'link')}`"
     inertial = node.find("inertial")
     if inertial is None:
