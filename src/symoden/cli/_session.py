@@ -52,8 +52,11 @@ def _shrink(folder: Path) -> None:
     JAX's own limit needs another package, reads a file of every entry whenever it writes one (0.1 s with 6000, hundreds
     of times in a training), and fails from then on where an entry was written without it.
     """
+    found: list[tuple[str, os.stat_result]] = []
     with os.scandir(folder) as entries:
-        found = [(entry.path, entry.stat()) for entry in entries if entry.is_file()]
+        for entry in filter(os.DirEntry.is_file, entries):
+            with contextlib.suppress(FileNotFoundError):  # Another command has removed it by now.
+                found.append((entry.path, entry.stat()))
     size = sum(about.st_size for _, about in found)
     if size <= _LARGEST:
         return
@@ -61,6 +64,6 @@ def _shrink(folder: Path) -> None:
     for path, about in sorted(found, key=lambda each: max(each[1].st_atime, each[1].st_mtime)):
         if size <= _AFTER * _LARGEST:
             return
-        with contextlib.suppress(FileNotFoundError):  # Another command does the same.
+        with contextlib.suppress(FileNotFoundError):
             Path(path).unlink()
         size -= about.st_size
