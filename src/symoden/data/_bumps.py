@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ._regression import unseen_residuals
 from ._trajectory import Trajectory
 
 _BUMP: Final = 0.15  # [s], or eight samples: what is shorter is noise of the velocities.
@@ -75,6 +76,22 @@ def bumps_of(recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: f
     ]
     numbers = parts[0].motion.shape[1] + parts[0].given.shape[1] * parts[0].turning.shape[2]
     return parts if sum(map(len, starts)) >= 2 * _MANY * numbers else []
+
+
+def unexplained(parts: Sequence[Bumps], delay: float = 0.0) -> Float[np.ndarray, "B n"]:
+    """Share of the accelerations' variance that is left under each bump, by what it did not see.
+
+    Args:
+        parts: Recordings under bumps.
+        delay: How late the inputs act [s].
+
+    Returns:
+        The squared residual of every bump, relative to the variance of all.
+    """
+    motion, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
+    pushed = np.concatenate([part.pushed(delay) for part in parts])
+    left = unseen_residuals(np.concatenate([motion, pushed], axis=1), gained)
+    return left**2 / np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
 
 
 def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray, *, held: bool) -> Bumps:

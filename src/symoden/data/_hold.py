@@ -5,10 +5,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from ._bumps import bumps_of
+from ._bumps import bumps_of, unexplained
 from ._dataset import Dataset
 from ._findings import Finding
-from ._regression import unseen_residuals
 
 _SAID: Final = {"zero": "held until the next row", "linear": "joined by straight lines"}
 _LESS: Final = 0.5  # Share of what was left that is left with the other one: 0.2 of sampled sines, with noise of 1e-3.
@@ -54,9 +53,4 @@ def find_other_hold(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
 def _unexplained(dataset: Dataset, is_angle: np.ndarray, *, held: bool) -> Float[np.ndarray, " B"]:
     """Share of the accelerations' variance that is left under each bump; none where there are too few."""
     parts = bumps_of(dataset.train, is_angle, held=held)
-    if not parts:
-        return np.zeros(0)
-    motion, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
-    pushed = np.concatenate([part.pushed(0.0) for part in parts])
-    left = unseen_residuals(np.concatenate([motion, pushed], axis=1), gained)
-    return np.mean(left**2 / np.maximum(np.var(gained, axis=0), np.finfo(float).tiny), axis=1)
+    return np.mean(unexplained(parts), axis=1) if parts else np.zeros(0)

@@ -5,10 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from ._bumps import bumps_of
+from ._bumps import bumps_of, unexplained
 from ._dataset import Dataset
 from ._findings import Finding
-from ._regression import unseen_residuals
 
 _LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less;
 _STEPS: Final = 5  # and as many steps where these take longer.
@@ -41,14 +40,8 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     parts = bumps_of(dataset.train, is_angle, first=longest, held=dataset.hold == "zero")
     if not parts:
         return []
-    fixed, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
     every = np.arange(0.0, longest, max(step / 2, _FINEST))
-    variance = np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
-    left = []
-    for delay in every:
-        pushed = np.concatenate([part.pushed(delay) for part in parts])
-        regressors = np.concatenate([fixed, pushed], axis=1)
-        left.append(np.mean(unseen_residuals(regressors, gained) ** 2, axis=0) / variance)
+    left = [np.mean(unexplained(parts, delay), axis=0) for delay in every]
     now, best = left[0], int(np.argmin([np.mean(each) for each in left]))
     then, delay = left[best], float(every[best])
     interior = delay > step / 2 and best < len(every) - 1
