@@ -58,6 +58,8 @@ BAD = [
     (("[[0.1]]", '[[0]]\ninput_matrix = [["a"], [0]]'), "`input_matrix` must have 1 row; got 2 × 1"),
     (('correct = ["potential_energy"]', 'correct = "all"'), "`correct` must be a list of names"),
     (('correct = ["potential_energy"]', 'correct = ["input_matrix"]'), "`correct` must name parts that are given"),
+    (("correct =", 'cyclic = "q1"\ncorrect ='), "`cyclic` must be a list of names of coordinates; got 'q1'"),
+    (("correct =", 'cyclic = ["q1"]\ncorrect ='), "`cyclic` must name .* `q1` stands in `potential_energy`"),
     (("[known.parameters]\nm = 2", "parameters = 2"), "got `m`: give its value"),
     (("space =", 'robot = "arm.urdf"\nspace ='), r"`robot` must stand under \[known\]"),
     ((KNOWN, "known = 3"), r"\[train\] has no key `known`"),

@@ -294,3 +294,14 @@ def test_a_sample_that_training_never_saw_is_outside(column):
     arrays = {name: values if name == column else getattr(recording, name) for name in ("q", "rates", "us")}
     away = ranges.outside(**arrays, space=space)
     assert np.flatnonzero(away).tolist() == [7, 9]
+
+
+def test_wherever_a_cyclic_coordinate_is_all_was_seen():
+    recording = swing(size=2)
+    space, q = Space.parse("R2"), recording.q + np.array([100.0, 0.0])
+    for cyclic, away in (((), True), (("q1",), False), (("q2",), True)):
+        found = outside(Ranges.of([recording], space, cyclic=cyclic), dataclasses.replace(recording, q=q), space)
+        assert (found == away).all()
+    ranges = summarize(dataclasses.replace(DRIVEN, known=KnownParts(cyclic=("q1",)))).ranges
+    assert ranges.cyclic == (0,)
+    assert ranges.outside(np.full((1, 1), np.nan), DRIVEN.train[0].rates[:1], None, Space.parse("T1")).all()

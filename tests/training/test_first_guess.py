@@ -81,11 +81,12 @@ def test_training_begins_with_it_and_says_how_far_it_is(mixed, plain, quick):
     assert np.asarray(begun.input_matrix(q)) == pytest.approx(MIXED, abs=0.1)
 
 
+@pytest.mark.parametrize("cyclic", [(), ("q1",)])
 @pytest.mark.parametrize("knees", [(), (0.1,)])
-def test_a_model_begins_with_what_was_found(mixed, plain, knees):
+def test_a_model_begins_with_what_was_found(mixed, plain, knees, cyclic):
     asks = dataclasses.replace(plain, actuation=BlockConfig(hidden=(3,), constant=True), knees=knees)
     found = FirstGuess(inputs=MIXED, viscous=VISCOUS)
-    model = begin_with(built(mixed, asks, known=known(1.0)), found)
+    model = begin_with(built(mixed, asks, known=dataclasses.replace(known(1.0), cyclic=cyclic)), found)
     q, v = jnp.linspace(-1, 1, 3), jnp.ones(3)
     assert np.asarray(model.input_matrix(q)) == pytest.approx(MIXED, rel=1e-5)
     assert np.asarray(model.dissipation_matrix(q, v)) == pytest.approx(np.diag(VISCOUS), rel=1e-5, abs=1e-6)

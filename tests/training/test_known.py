@@ -11,11 +11,12 @@ from hypothesis import given, settings, strategies as st
 
 from symoden.blocks import Correction
 from symoden.data import Dataset, Trajectory
+from symoden.integrate import RK4, rollout
 from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, ModelConfig
 from symoden.spaces import Space
 from symoden.storage import StorageError
-from symoden.systems import Pendulum
+from symoden.systems import CartPole, Pendulum
 from symoden.training import TrainingConfig, fit, measure_scales
 from symoden.training._fit import _prepare
 
@@ -217,3 +218,22 @@ def test_the_input_matrix_is_given_once():
             input_matrix=np.ones((2, 1)),
             known=KnownParts(input_matrix=[[1], [1]]),
         )
+
+
+def test_a_cyclic_coordinate_is_learned_to_be_one():
+    """The inertia of a cart with a pole is found from eight seconds, and is the same forty metres away."""
+    truth = CartPole()
+    generator = np.random.default_rng(0)
+    recordings = []
+    for k in range(4):
+        ts, us = 0.02 * np.arange(100), np.repeat(generator.normal(size=(10, 1)), 10, axis=0)
+        start, rates = jnp.asarray(generator.normal(size=(2, 2)))
+        path = rollout(truth, start, rates, jnp.asarray(ts), jnp.asarray(us), solver=RK4(4))
+        q, rates = np.asarray(path.q), np.asarray(path.rates)
+        recordings.append(Trajectory(name=str(k), ts=ts, q=q, rates=rates, us=us))
+    parts = KnownParts(cyclic=("q1",))
+    dataset = Dataset(name="cart", space="R1 T1", train=tuple(recordings), known=parts, input_matrix=np.eye(2)[:, :1])
+    found: Any = fit(dataset, config=dataclasses.replace(STEPS, validation=0.25)).model
+    here, there = (jnp.array([place, 0.7]) for place in (0.0, 40.0))
+    for place in (here, there):
+        assert np.asarray(found.mass_matrix(place)) == pytest.approx(np.asarray(truth.mass_matrix(here)), rel=0.02)

@@ -50,6 +50,7 @@ from ._functions import (
     Correction as Correction,
     Network as Network,
     Perceptron as Perceptron,
+    Reduced as Reduced,
     Sum as Sum,
 )
 from ._harmonics import Harmonics as Harmonics, products as products
@@ -111,6 +112,7 @@ __all__ = [
     "Parameters",
     "Perceptron",
     "Polynomial",
+    "Reduced",
     "ScalarBlock",
     "Sum",
     "ViscousFriction",

@@ -213,6 +213,23 @@ class Sum(AbstractFunction):
         return sum((term(q) for term in self.terms[1:]), start=self.terms[0](q))
 
 
+@final
+class Reduced(AbstractFunction):
+    """A function on the configuration space modulo the coordinates that nothing depends on.
+
+    Attributes:
+        function: Function of the coordinates that are kept.
+        kept: Which those are.
+    """
+
+    function: AbstractFunction
+    kept: tuple[int, ...] = eqx.field(static=True)
+
+    def __call__(self, q: Coordinates) -> Coefficients:
+        """Coefficients at the configuration `q`."""
+        return self.function(jnp.stack([q[i] for i in self.kept]))  # No gather, which is slow to differentiate.
+
+
 def _orthogonal(key: PRNGKeyArray, rows: int, columns: int) -> Float[Array, "_ _"]:
     """A matrix of orthonormal rows or columns, whichever are fewer, drawn evenly: as JAX's initializer does."""
     normal = jax.random.normal(key, (max(rows, columns), min(rows, columns)), float)

@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 from symoden.shapes import Coordinates
 
 from ._fourier import FourierSeries
-from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Perceptron, Sum
+from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Perceptron, Reduced, Sum
 from ._harmonics import Harmonics
 from ._known import Known
 
@@ -111,9 +111,16 @@ def kinds_in_use(model: PyTree, q: Coordinates) -> int:
     Returns:
         The kinds of those that are not zero, as flags; 0 if all are.
     """
-    leaves = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction))
-    found = [leaf for leaf in leaves if isinstance(leaf, Correction) and not is_silent(leaf)]
-    return functools.reduce(operator.or_, (each.kind for each in found if np.any(np.asarray(each(q)))), 0)
+
+    def kinds(node: object) -> int:
+        if isinstance(node, Reduced):
+            return kinds_in_use(node.function, q[np.asarray(node.kept)])
+        if not isinstance(node, Correction) or is_silent(node) or not np.any(np.asarray(node(q))):
+            return 0
+        return node.kind
+
+    parts = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction | Reduced))
+    return functools.reduce(operator.or_, map(kinds, parts), 0)
 
 
 def count_active(model: PyTree, q: Coordinates) -> int:

@@ -30,6 +30,8 @@ def facts(found: Inspection) -> Iterator[tuple[str, str]]:
         words = "; ".join(f"{letter} {unit}" for letter, unit in found.units.items())
         yield "units, where the data are SI and inputs N or N m", words
     yield from found.given.items()
+    if found.cyclic:
+        yield "nothing depends on", ", ".join(f"q{i + 1}" for i in found.cyclic) + " (given)"
     for name, extremes in (("M", found.mass_matrix_eigenvalues), ("D", found.dissipation_eigenvalues)):
         none = "does not apply: this kind of model has none"
         yield (

@@ -9,7 +9,8 @@ from symoden.known import GRAVITY, PARTS, KnownParts, Robot, read_urdf
 from ._errors import DataError, listing, nearest
 from ._values import misplaced
 
-KEYS: Final = (*PARTS, "robot", "constants", "parameters", "correct")
+KEYS: Final = (*PARTS, "robot", "constants", "parameters", "correct", "cyclic")
+_OF_NAMES: Final = {"correct": "parts", "cyclic": "coordinates"}
 _ROBOT: Final = ("urdf", "joints", "at", "gravity")
 
 
@@ -36,12 +37,13 @@ def read_known(path: Path, table: object, *, above: Mapping[str, object]) -> Kno
     for key in ("constants", "parameters"):
         if not isinstance(table.get(key, {}), dict):
             raise DataError(f"`{path}`: [known.{key}] must be a table of names and numbers; got {table[key]!r}.")
-    correct = table.get("correct", [])
-    if not isinstance(correct, list) or not all(isinstance(name, str) for name in correct):
-        raise DataError(f"`{path}`: [known] `correct` must be a list of names of parts; got {correct!r}.")
+    lists = {key: table[key] for key in _OF_NAMES if key in table}
+    for key, names in lists.items():
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise DataError(f"`{path}`: [known] `{key}` must be a list of names of {_OF_NAMES[key]}; got {names!r}.")
     try:
         robot = {"robot": _read_robot(path, table["robot"])} if "robot" in table else {}
-        return KnownParts(**{**table, **robot, "correct": tuple(correct)})
+        return KnownParts(**{**table, **robot, **{key: tuple(names) for key, names in lists.items()}})
     except ValueError as error:
         raise DataError(f"`{path}`: [known] {_of_shapes(table, above) or error}") from None
 

@@ -58,6 +58,7 @@ def summarize(dataset: Dataset) -> DataSummary:
     Returns:
         Its summary.
     """
+    cyclic = () if dataset.known is None else dataset.known.cyclic
     parts = {"train": dataset.train, "validation": dataset.validation, "test": dataset.test}
     return DataSummary(
         space=dataset.space,
@@ -67,7 +68,7 @@ def summarize(dataset: Dataset) -> DataSummary:
         samples={name: sum(map(len, part)) for name, part in parts.items()},
         position_names=dataset.position_names,
         input_names=dataset.input_names,
-        ranges=Ranges.of(dataset.train or dataset.recordings, Space.parse(dataset.space)),
+        ranges=Ranges.of(dataset.train or dataset.recordings, Space.parse(dataset.space), cyclic=cyclic),
         digest=dataset.digest,
         position_units=dataset.position_units,
     )

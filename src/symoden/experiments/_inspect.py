@@ -118,6 +118,7 @@ class Inspection:
         anchor: What fixes the scale of inertia, energy and friction.
         units: Units of M, V and D by letter, where those of the data are SI; empty where nothing fixes the scale.
         given: Parts that were given, and how much of them.
+        cyclic: Indices of the coordinates that nothing depends on, by what was given.
         identified: Values of the parameters of given formulas, by name.
         mass_matrix_eigenvalues: Least and largest over the data's range; None for a model without inertia.
         dissipation_eigenvalues: The same of D.
@@ -134,6 +135,7 @@ class Inspection:
     anchor: str
     units: dict[str, str]
     given: dict[str, Given]
+    cyclic: tuple[int, ...]
     identified: dict[str, float]
     mass_matrix_eigenvalues: tuple[float, float] | None
     dissipation_eigenvalues: tuple[float, float] | None
@@ -182,6 +184,7 @@ def inspect_model(
         anchor=anchor(model),
         units=units(model, measured),
         given=given_parts(model),
+        cyclic=ranges.cyclic,
         identified=identified_parameters(model),
         mass_matrix_eigenvalues=mass,
         dissipation_eigenvalues=dissipation,

@@ -23,19 +23,22 @@ class Ranges:
         positions: Of each coordinate; angles without jumps of 2π, in one recording or from one to the next.
         rates: Of each velocity or momentum.
         inputs: Of each input.
+        cyclic: Indices of the coordinates that nothing depends on: elsewhere along these all is as it was in training.
     """
 
     positions: Bounds
     rates: Bounds
     inputs: Bounds
+    cyclic: tuple[int, ...] = ()
 
     @classmethod
-    def of(cls, trajectories: Sequence[Trajectory], space: Space) -> "Ranges":
+    def of(cls, trajectories: Sequence[Trajectory], space: Space, *, cyclic: Sequence[str] = ()) -> "Ranges":
         """Ranges of recordings.
 
         Args:
             trajectories: At least one recording.
             space: Space of the mechanism: recordings of an angle that are a turn apart are of the same configurations.
+            cyclic: Names of the coordinates that nothing depends on, such as "q1".
 
         Returns:
             The ranges.
@@ -52,6 +55,7 @@ class Ranges:
             positions=bounds(ends.reshape(-1, space.size)),
             rates=bounds(np.concatenate([trajectory.rates for trajectory in trajectories])),
             inputs=bounds(np.concatenate([trajectory.us for trajectory in trajectories])),
+            cyclic=tuple(i for i in range(space.size) if f"q{i + 1}" in cyclic),
         )
 
     def configurations(self, space: Space) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
@@ -89,7 +93,9 @@ class Ranges:
         slack = _SLACK * np.maximum(1.0, high - low)
         angle = np.asarray(space.is_angle)
         above = np.where(angle, np.mod(q - low + slack, 2 * np.pi), q - low + slack)
-        inside = np.all((above >= 0) & (above <= high - low + 2 * slack), axis=1)
+        near = (above >= 0) & (above <= high - low + 2 * slack)
+        near |= np.isin(np.arange(len(low)), self.cyclic) & np.isfinite(q)
+        inside = np.all(near, axis=1)
         for bounds, columns in ((self.rates, rates), (self.inputs, us)):
             if bounds and columns is not None:
                 low, high = np.asarray(bounds).T

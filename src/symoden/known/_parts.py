@@ -44,6 +44,8 @@ class KnownParts:
             mass stays a mass; one that starts at 0 may take any sign.
         correct: Names of the parts that are only nearly right: a network corrects them, zero at the start and frozen
             until validation data ask for it. It adds to V and g, and multiplies M and D from both sides.
+        cyclic: Names of the coordinates, such as "q1", that neither M, V, g nor D depend on, as they do not depend on
+            the angle about an upright axis: what is learned is a function of the others alone.
 
     Raises:
         ValueError: If a part is no matrix of formulas, a name is unknown, unused or taken, or a value is no number.
@@ -67,6 +69,7 @@ class KnownParts:
     constants: Mapping[str, float | int] = field(default_factory=dict)
     parameters: Mapping[str, float | int] = field(default_factory=dict)
     correct: tuple[str, ...] = ()
+    cyclic: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Bring every formula into one form, and refuse what cannot be meant."""
@@ -92,6 +95,7 @@ class KnownParts:
                     f"`correct` must name parts that are given, of {', '.join(self.given) or 'which there are none'}; "
                     f"got `{name}`. Give it, or leave it to be learned."
                 )
+        _refuse_cyclic(self)
 
     @property
     def given(self) -> tuple[str, ...]:
@@ -183,6 +187,19 @@ def _refuse_names(known: KnownParts) -> None:
     for name in known.parameters:
         if name not in used:
             raise ValueError(f"`parameters`: `{name}` must stand in a formula; it stands in none. Remove it.")
+
+
+def _refuse_cyclic(known: KnownParts) -> None:
+    """Refuse cyclic coordinates that are none, or that a formula has."""
+    for name in known.cyclic:
+        if not _COORDINATE.fullmatch(name):
+            raise ValueError(f"`cyclic` must name coordinates by their number, q1, q2, …; got `{name}`.")
+        part = next((part for part, used in _used_names(known) if used == name), None)
+        if part is not None:
+            raise ValueError(
+                f"`cyclic` must name coordinates that no formula depends on; `{name}` stands in `{part}`. Remove it "
+                "from one of them."
+            )
 
 
 def _used_names(known: KnownParts) -> Iterator[tuple[str, str]]:

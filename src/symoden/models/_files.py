@@ -36,6 +36,7 @@ _MODULES: dict[str, type[eqx.Module]] = {
         blocks.Constant,
         blocks.Correction,
         blocks.Sum,
+        blocks.Reduced,
         blocks.KnownValue,
         blocks.ScalarBlock,
         blocks.MatrixBlock,

@@ -121,6 +121,7 @@ def known_blocks(known: KnownParts, space: Space, inputs: int, units: Mapping[st
         ValueError: If a part has another shape than its block, or a formula a coordinate that is not there.
     """
     n = space.size
+    _refuse_coordinates("cyclic", set(known.cyclic), space)
     shapes = {"mass_matrix": (n, n), "potential_energy": (), "input_matrix": (n, inputs), "dissipation_matrix": (n, n)}
     found: dict[str, Any] = {
         name: _part(known, name, shapes[name], space) for name in known.given if getattr(known, name) is not None
@@ -183,12 +184,12 @@ def _part(known: KnownParts, name: str, shape: tuple[int, ...], space: Space) ->
 
 
 def _refuse_coordinates(part: str, names: set[str], space: Space) -> None:
-    """Refuse formulas of coordinates that the space does not have."""
+    """Refuse names of coordinates that the space does not have."""
     beyond = sorted(name for name in names if int(name[1:]) > space.size)
     if beyond:
         raise ValueError(
             f"`{part}`: the space {space} has the coordinates q1 to q{space.size}; got `{beyond[0]}`. Correct the "
-            "formula, or the space."
+            "name, or the space."
         )
 
 

@@ -54,7 +54,7 @@ def check_known(known: KnownParts, space: Space, inputs: int, q: np.ndarray, v: 
 
     Raises:
         ValueError: If a value is not finite, a matrix is not symmetric, M is not positive definite, D not positive
-            semidefinite, or a part does not come back when an angle goes once round.
+            semidefinite, or a part does not come back when an angle goes once round or depends on a cyclic coordinate.
     """
     blocks = known_blocks(known, space, inputs)
     q, v = _some(q), _some(v)
@@ -72,13 +72,19 @@ def check_known(known: KnownParts, space: Space, inputs: int, q: np.ndarray, v: 
             _refuse(name, np.abs(X - X.swapaxes(1, 2)).max(axis=(1, 2)) > _SLACK, q, v, "symmetric")
             least = np.linalg.eigvalsh(X)[:, 0]
             _refuse(name, least <= _SLACK if definite == "definite" else least < -_SLACK, q, v, f"positive {definite}")
-    for i in np.flatnonzero(space.is_angle):
-        turned = _values(blocks, jnp.asarray(q + 2 * np.pi * np.eye(space.size)[i], float), jnp.asarray(v, float))
-        for name, here, there in zip(names, values, turned, strict=True):
+    for i in range(space.size):
+        if f"q{i + 1}" in known.cyclic:
+            step, what = 1.0, f"the same wherever q{i + 1} is, which `cyclic` names"
+        elif space.is_angle[i]:
+            step, what = 2 * np.pi, f"the same after a turn of q{i + 1}"
+        else:
+            continue
+        moved = _values(blocks, jnp.asarray(q + step * np.eye(space.size)[i], float), jnp.asarray(v, float))
+        for name, here, there in zip(names, values, moved, strict=True):
             if here is not None and there is not None:
                 one, other = (np.asarray(x, float).reshape(len(q), -1) for x in (here, there))
                 tolerance = 1e-3 * np.abs(one).max() + 1e-300
-                _refuse(name, np.abs(one - other).max(axis=1) > tolerance, q, v, f"the same after a turn of q{i + 1}")
+                _refuse(name, np.abs(one - other).max(axis=1) > tolerance, q, v, what)
 
 
 def known_magnitudes(known: KnownParts, space: Space, q: np.ndarray, v: np.ndarray, us: np.ndarray) -> KnownMagnitudes:
@@ -215,9 +221,9 @@ def _refuse(name: str, unfit: np.ndarray, q: np.ndarray, v: np.ndarray, what: st
         k = int(np.argmax(unfit))
         at = f"q = {np.round(q[k], 4).tolist()}, v = {np.round(v[k], 4).tolist()}"
         what = f"have a slope that is {what}" if name == "potential_energy" else f"be {what}"
-        hint = (
-            "Give it with a period of 2π, or the space of a length instead of the angle"
-            if "turn" in what
-            else "Correct the formulas, the constants or the start values of the parameters"
-        )
+        hint = "Correct the formulas, the constants or the start values of the parameters"
+        if "turn" in what:
+            hint = "Give it with a period of 2π, or the space of a length instead of the angle"
+        if "cyclic" in what:
+            hint = "Leave the coordinate out of `cyclic`, or correct what is given"
         raise ValueError(f"The given `{name}` must {what} at every state in the data; at {at} it is not so. {hint}.")

@@ -25,6 +25,7 @@ from symoden.blocks import (
     Links,
     MatrixBlock,
     NoFriction,
+    Reduced,
     Sum,
     ViscousFriction,
 )
@@ -308,11 +309,15 @@ def _driven(model: StructuredModel, found: FirstGuess) -> StructuredModel:
 
 def _is_constant(function: AbstractFunction) -> bool:
     """Whether a function is a constant, but for what may be added."""
+    if isinstance(function, Reduced):
+        return _is_constant(function.function)
     return isinstance(function.terms[0] if isinstance(function, Sum) else function, Constant)
 
 
 def _started(function: AbstractFunction, values: Float[np.ndarray, " k"]) -> AbstractFunction:
     """The same function from another constant on."""
+    if isinstance(function, Reduced):
+        return dataclasses.replace(function, function=_started(function.function, values))
     constant = Constant(jnp.asarray(values, float))
     return Sum((constant, *function.terms[1:])) if isinstance(function, Sum) else constant
 
