@@ -150,6 +150,17 @@ def test_a_reader_that_ends_ends_the_command_quietly(tmp_path):
     assert process.returncode == 141
 
 
+@pytest.mark.parametrize("words", [["train", "--help"], ["--help"], ["--version"]], ids=" ".join)
+def test_so_does_one_that_reads_no_help(words):
+    program = [sys.executable, "-m", "symoden", *words]
+    with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 141
+
+
 def test_a_broken_pipe_to_another_process_is_a_failure(monkeypatch, capsys):
     failing(monkeypatch, "simulate", BrokenPipeError(32, "Broken pipe"))
     assert main(["simulate", "pendulum", "--out", "a.npz"]) == 1

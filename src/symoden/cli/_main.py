@@ -37,13 +37,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0, or 1 for a failure, 2 for wrong usage or input, 130 for an interruption, 141 if nobody reads on.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    if words == ["--version"]:
-        print(importlib.metadata.version("symoden"))
-        return 0
     try:
+        if words == ["--version"]:
+            print(importlib.metadata.version("symoden"), flush=True)
+            return 0
         command = _parse(words)
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else WRONG_INPUT
+    except BrokenPipeError:  # Help is long.
+        _nobody_reads()
+        return UNREAD
+    return _obey(command, words)
+
+
+def _obey(command: Command, words: list[str]) -> int:
+    """Run a command and say what went wrong; the exit status."""
     try:
         if isinstance(command, Control):
             importlib.import_module("._checks", __package__).check_control(command)

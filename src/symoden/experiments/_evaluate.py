@@ -15,7 +15,7 @@ from symoden.data import Dataset, Trajectory, least_lively
 from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
-from symoden.training import find_first_state
+from symoden.training import FEWEST_SUBSTEPS, find_first_state
 
 from ._batches import Segment, Stretch, entire, in_batches, roll_out
 from ._paper import MeanStd
@@ -292,7 +292,7 @@ def predict(
     """
     if hold not in HOLDS:
         raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
-    chosen, solver = HOLDS[hold], RK4(4) if solver is None else solver
+    chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
     begun = [_begun(model, trajectory, chosen, solver) for trajectory in trajectories]
     found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
     astray = [
