@@ -14,7 +14,7 @@ import numpy as np
 
 from symoden import fit, read_dataset
 from symoden.data import Dataset
-from symoden.experiments import score_recordings
+from symoden.evaluation import score_recordings
 from symoden.integrate import RK4
 
 FEW = 8

@@ -21,7 +21,7 @@ from numpy.random import Generator
 
 from symoden import KnownParts, read_dataset
 from symoden.blocks import without_silent
-from symoden.experiments import score_recordings
+from symoden.evaluation import score_recordings
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractMechanical
 from symoden.models import ModelConfig, build

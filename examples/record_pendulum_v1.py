@@ -11,7 +11,7 @@ import numpy as np
 
 from symoden import Pendulum, TrainingConfig, fit, write_dataset
 from symoden.envs import MechanismEnv, random_levels, record
-from symoden.experiments import score_recordings
+from symoden.evaluation import score_recordings
 from symoden.integrate import RK4
 
 data = record(gymnasium.make("Pendulum-v1"), 10, test_episodes=5)

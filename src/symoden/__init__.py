@@ -30,7 +30,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "design": "symoden.control",
     "fit": "symoden.training",
     "load": "symoden.models",
-    "predict": "symoden.experiments",
+    "predict": "symoden.evaluation",
     "read_dataset": "symoden.data",
     "read_urdf": "symoden.known",
     "rescale": "symoden.models",
@@ -38,7 +38,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "run_episodes": "symoden.control",
     "save": "symoden.models",
     "write_dataset": "symoden.data",
-    "write_urdf": "symoden.experiments",
+    "write_urdf": "symoden.evaluation",
 }
 
 

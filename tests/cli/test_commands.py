@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from symoden.cli import _learned, main
-from symoden.experiments import Prediction, TrainingSummary, read_run, simulate, task, write_run
+from symoden.evaluation import Prediction
+from symoden.experiments import TrainingSummary, read_run, simulate, task, write_run
 
 from .conftest import write_description, write_untrained_run
 

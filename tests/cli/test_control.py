@@ -13,16 +13,8 @@ from PIL import Image
 from symoden.cli import _checks, _control, main
 from symoden.cli._control import hardly_moves
 from symoden.control import METHODS
-from symoden.experiments import (
-    Ranges,
-    RunConfig,
-    learned_machine,
-    machine_of,
-    read_model,
-    read_source,
-    summarize,
-    write_run,
-)
+from symoden.evaluation import Ranges
+from symoden.experiments import RunConfig, learned_machine, machine_of, read_model, read_source, summarize, write_run
 from symoden.known import KnownParts
 from symoden.models import build, save
 from symoden.spaces import Space

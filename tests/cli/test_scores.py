@@ -6,7 +6,7 @@ import math
 import pytest
 
 from symoden.cli._scores import _recordings, by_heart, diverging, poor, running_away, share_of_motion
-from symoden.experiments import MotionScore, RecordingScore, WindowScore
+from symoden.evaluation import MotionScore, RecordingScore, WindowScore
 
 
 def recording(error, motion, name="run", coasting=math.nan):

@@ -7,7 +7,7 @@ import pytest
 
 from symoden.cli._tables import facts
 from symoden.cli._words import audit_words, band_words, certainty_words, hardly_judged
-from symoden.experiments import Audit, BandScore, Certainty, Inspection
+from symoden.evaluation import Audit, BandScore, Certainty, Inspection
 
 
 @pytest.mark.parametrize(("apart", "said"), [({"M": 0.01, "V": 0.02, "D": 0.2}, True), ({"M": 0.08, "V": 0.02}, False)])

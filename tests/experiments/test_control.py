@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from symoden.control import Loop, audit_energy, run_episodes
-from symoden.experiments import ControlConfig, Ranges, initial_states, learned_machine, outside_data, try_control
+from symoden.evaluation import Ranges
+from symoden.experiments import ControlConfig, initial_states, learned_machine, outside_data, try_control
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.systems import Acrobot, Pendulum

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from symoden.blocks import KnownFunction, KnownValue, count_parameters
-from symoden.experiments import anchor
+from symoden.evaluation import anchor
 from symoden.integrate import rollout
 from symoden.known import KnownParts
 from symoden.models import (

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from symoden.blocks import Links, count_parameters
-from symoden.experiments._inspect import identified_parameters
+from symoden.evaluation._inspect import identified_parameters
 from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, ModelConfig, build, given_parts, load, parts_that_fix_the_scale, rescale, save
 from symoden.spaces import Space

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from symoden.experiments import RecordedPaths
+from symoden.evaluation import RecordedPaths
 from symoden.report import plot_recorded
 
 TS = np.linspace(0.0, 2.0, 41)

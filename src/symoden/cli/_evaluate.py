@@ -2,16 +2,8 @@
 
 from dataclasses import asdict
 
-from symoden.experiments import (
-    Bands,
-    BandScore,
-    RunConfig,
-    Source,
-    read_model,
-    read_run,
-    read_run_source,
-    score_bands,
-)
+from symoden.evaluation import Bands, BandScore, score_bands
+from symoden.experiments import RunConfig, Source, read_model, read_run, read_run_source
 from symoden.mechanics import AbstractDynamics
 from symoden.storage import StorageError
 

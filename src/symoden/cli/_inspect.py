@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from symoden.experiments import Certainty, IdentifiedJoint, Inspection, write_urdf
+from symoden.evaluation import Certainty, IdentifiedJoint, Inspection, write_urdf
 
 from ._arguments import Inspect
 from ._figure import check_figure, save_figure

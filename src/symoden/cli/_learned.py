@@ -6,23 +6,25 @@ from pathlib import Path
 from typing import Any
 
 from symoden.data import Dataset, Trajectory
-from symoden.experiments import (
+from symoden.evaluation import (
     Audit,
     Bands,
     Certainty,
     Inspection,
-    RunConfig,
-    Source,
     audit,
     calibrate_bands,
     certainty,
-    evaluation_solver,
     inspect_model,
+    recorded_paths,
+)
+from symoden.experiments import (
+    RunConfig,
+    Source,
+    evaluation_solver,
     read_model,
     read_posterior,
     read_run,
     read_run_source,
-    recorded_paths,
 )
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel

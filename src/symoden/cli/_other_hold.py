@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from symoden.data import Dataset, spaced_evenly
-from symoden.experiments import score_recordings
+from symoden.evaluation import score_recordings
 from symoden.integrate import AbstractSolver
 from symoden.mechanics import AbstractDynamics
 

@@ -7,18 +7,8 @@ from typing import Final
 import numpy as np
 
 from symoden.data import Trajectory
-from symoden.experiments import (
-    LEVEL,
-    Bands,
-    Prediction,
-    RunConfig,
-    bands_along,
-    evaluation_solver,
-    predict,
-    read_model,
-    read_run,
-    read_run_source,
-)
+from symoden.evaluation import LEVEL, Bands, Prediction, bands_along, predict
+from symoden.experiments import RunConfig, evaluation_solver, read_model, read_run, read_run_source
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 from symoden.storage import StorageError

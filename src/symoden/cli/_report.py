@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from symoden.experiments import RunConfig, score_bands
+from symoden.evaluation import score_bands
+from symoden.experiments import RunConfig
 from symoden.storage import StorageError
 
 from ._arguments import Report

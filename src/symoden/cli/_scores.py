@@ -8,17 +8,8 @@ from dataclasses import asdict, astuple
 from typing import Final, NamedTuple
 
 from symoden.blocks import count_parameters
-from symoden.experiments import (
-    MeanStd,
-    RecordingScore,
-    RunConfig,
-    Source,
-    Task,
-    TaskScore,
-    evaluation_solver,
-    score_recordings,
-    score_task,
-)
+from symoden.evaluation import RecordingScore, score_recordings
+from symoden.experiments import MeanStd, RunConfig, Source, Task, TaskScore, evaluation_solver, score_task
 from symoden.mechanics import AbstractDynamics
 from symoden.wording import first_few
 

@@ -4,7 +4,8 @@ import math
 from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
-from symoden.experiments import Certainty, Inspection, Profile, RunConfig
+from symoden.evaluation import Certainty, Inspection, Profile
+from symoden.experiments import RunConfig
 from symoden.units import titled
 
 from ._output import TableText, number

@@ -8,13 +8,13 @@ from typing import Final
 import jax.numpy as jnp
 
 from symoden.blocks import count_active, count_parameters
+from symoden.evaluation import identified_parameters
 from symoden.experiments import (
     RunConfig,
     Source,
     absolute_name,
     evaluation_solver,
     holds_run,
-    identified_parameters,
     preset,
     read_run,
     read_run_source,

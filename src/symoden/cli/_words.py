@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Final
 
-from symoden.experiments import Audit, BandScore, Certainty, RunConfig
+from symoden.evaluation import Audit, BandScore, Certainty
+from symoden.experiments import RunConfig
 
 from ._output import number
 

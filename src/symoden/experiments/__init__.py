@@ -1,17 +1,7 @@
-"""The paper's experiments: tasks, their data, and the errors it reports; runs, and what can be asked of them."""
+"""The paper's experiments: tasks, their data, and the errors it reports; runs in folders."""
 
-from ._audit import Audit as Audit, audit as audit
-from ._bands import (
-    BandedPath as BandedPath,
-    Bands as Bands,
-    BandScore as BandScore,
-    calibrate_bands as calibrate_bands,
-    score_bands as score_bands,
-)
-from ._batches import Stretch as Stretch
 from ._block_errors import BlockErrors as BlockErrors, block_errors as block_errors
 from ._cells import Cell as Cell, CellResult as CellResult, cells as cells
-from ._certainty import LEVEL as LEVEL, Certainty as Certainty, certainty as certainty
 from ._control import (
     LEARNED as LEARNED,
     ControlConfig as ControlConfig,
@@ -23,16 +13,6 @@ from ._control import (
     try_control as try_control,
 )
 from ._data_summary import DataSummary as DataSummary, summarize as summarize
-from ._evaluate import (
-    MotionScore as MotionScore,
-    Prediction as Prediction,
-    RecordingScore as RecordingScore,
-    TaskScore as TaskScore,
-    WindowScore as WindowScore,
-    predict as predict,
-    score_recordings as score_recordings,
-    score_task as score_task,
-)
 from ._extrapolation import Extrapolation as Extrapolation, extrapolation as extrapolation
 from ._facts import machine_facts as machine_facts
 from ._free import (
@@ -41,14 +21,6 @@ from ._free import (
     circle_drift as circle_drift,
     energy_curves as energy_curves,
     free_rollouts as free_rollouts,
-)
-from ._inspect import (
-    FrictionProfile as FrictionProfile,
-    Inspection as Inspection,
-    Profile as Profile,
-    anchor as anchor,
-    identified_parameters as identified_parameters,
-    inspect_model as inspect_model,
 )
 from ._paper import PAPER as PAPER, MeanStd as MeanStd, PaperErrors as PaperErrors
 from ._phase import Field as Field, PhasePlane as PhasePlane, phase_plane as phase_plane
@@ -63,13 +35,6 @@ from ._portrait import (
 )
 from ._posteriors import read_ensemble as read_ensemble, read_posterior as read_posterior
 from ._presets import PRESETS as PRESETS, preset as preset
-from ._ranges import Ranges as Ranges
-from ._recorded import (
-    BandsAlong as BandsAlong,
-    RecordedPaths as RecordedPaths,
-    bands_along as bands_along,
-    recorded_paths as recorded_paths,
-)
 from ._results import (
     cell_folder as cell_folder,
     read_result as read_result,
@@ -90,42 +55,25 @@ from ._runs import (
     train_run as train_run,
     write_run as write_run,
 )
+from ._score_task import TaskScore as TaskScore, score_task as score_task
 from ._simulate import TaskData as TaskData, simulate as simulate
 from ._sources import Source as Source, absolute_name as absolute_name, read_source as read_source
-from ._sweeps import (
-    Sweep as Sweep,
-    SweepCurve as SweepCurve,
-    is_own as is_own,
-    row_name as row_name,
-    sweeps as sweeps,
-)
+from ._sweeps import Sweep as Sweep, SweepCurve as SweepCurve, is_own as is_own, row_name as row_name, sweeps as sweeps
 from ._table import PAPER_ORDER as PAPER_ORDER, Row as Row, SeedErrors as SeedErrors, table_rows as table_rows
 from ._tasks import TASKS as TASKS, Task as Task, own_trajectories as own_trajectories, task as task
-from ._trained import (
-    Contest as Contest,
-    Trained as Trained,
-    read_contests as read_contests,
-)
-from ._urdf import IdentifiedJoint as IdentifiedJoint, write_urdf as write_urdf
+from ._trained import Contest as Contest, Trained as Trained, read_contests as read_contests
 from ._variants import simulate_variant as simulate_variant
 
 __all__ = [
     "LEARNED",
-    "LEVEL",
     "PAPER",
     "PAPER_ORDER",
     "PRESETS",
     "TASKS",
-    "Audit",
-    "BandScore",
-    "BandedPath",
-    "Bands",
-    "BandsAlong",
     "BlockCurves",
     "BlockErrors",
     "Cell",
     "CellResult",
-    "Certainty",
     "CircleDrift",
     "Contest",
     "ControlConfig",
@@ -135,25 +83,15 @@ __all__ = [
     "ErrorComparison",
     "Extrapolation",
     "Field",
-    "FrictionProfile",
-    "IdentifiedJoint",
-    "Inspection",
     "MeanStd",
-    "MotionScore",
     "PaperErrors",
     "PhasePlane",
     "Portrait",
-    "Prediction",
-    "Profile",
-    "Ranges",
-    "RecordedPaths",
-    "RecordingScore",
     "RolloutComparison",
     "Row",
     "RunConfig",
     "SeedErrors",
     "Source",
-    "Stretch",
     "Sweep",
     "SweepCurve",
     "Task",
@@ -161,16 +99,10 @@ __all__ = [
     "TaskScore",
     "Trained",
     "TrainingSummary",
-    "WindowScore",
     "absolute_name",
-    "anchor",
-    "audit",
-    "bands_along",
     "block_errors",
-    "calibrate_bands",
     "cell_folder",
     "cells",
-    "certainty",
     "check_cell",
     "circle_drift",
     "energy_curves",
@@ -179,9 +111,7 @@ __all__ = [
     "fit_gauge",
     "free_rollouts",
     "holds_run",
-    "identified_parameters",
     "initial_states",
-    "inspect_model",
     "is_own",
     "learned_machine",
     "machine_facts",
@@ -190,7 +120,6 @@ __all__ = [
     "own_trajectories",
     "phase_plane",
     "portrait",
-    "predict",
     "preset",
     "read_contests",
     "read_ensemble",
@@ -201,13 +130,10 @@ __all__ = [
     "read_run",
     "read_run_source",
     "read_source",
-    "recorded_paths",
     "refuse_occupied",
     "result_as_json",
     "row_name",
     "run_cell",
-    "score_bands",
-    "score_recordings",
     "score_task",
     "simulate",
     "simulate_variant",
@@ -220,5 +146,4 @@ __all__ = [
     "unseen_rollouts",
     "write_result",
     "write_run",
-    "write_urdf",
 ]

@@ -40,12 +40,11 @@ from symoden.control import (
     run_in_turn,
     silent,
 )
+from symoden.evaluation import Ranges
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 from symoden.systems import MACHINES, Machine, Pendulum
 from symoden.wording import LEARNED
-
-from ._ranges import Ranges
 
 _FINE_STEP: Final = 0.001  # [s]: learned dry friction is stiff.
 _FAR: Final = 10.0  # Of the range of the data.

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from symoden.data import Dataset
+from symoden.evaluation import Ranges
 from symoden.spaces import Space
 from symoden.units import position_units
-
-from ._ranges import Ranges
 
 
 @dataclass(frozen=True, kw_only=True)

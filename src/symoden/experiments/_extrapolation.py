@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from symoden.data import Trajectory
+from symoden.evaluation import Prediction, Ranges
 from symoden.spaces import Space
 
-from ._evaluate import Prediction, squared_error
 from ._portrait import coordinate_title
-from ._ranges import Ranges
+from ._score_task import squared_error
 from ._trained import Contest
 
 

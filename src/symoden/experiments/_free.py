@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.data import Trajectory
+from symoden.evaluation import Prediction, predict
 from symoden.mechanics import AbstractPortHamiltonian
 from symoden.spaces import Space
 
-from ._evaluate import Prediction, predict
 from ._trained import Contest
 
 

@@ -11,14 +11,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.data import Trajectory
+from symoden.evaluation import Prediction, Ranges
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates, Rates
 from symoden.units import titled
 
-from ._evaluate import Prediction
 from ._free import free_rollouts
 from ._portrait import coordinate_title
-from ._ranges import Ranges
 from ._simulate import simulate
 from ._trained import Contest
 

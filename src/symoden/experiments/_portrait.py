@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from symoden.blocks import KnownValue
 from symoden.data import Trajectory
+from symoden.evaluation import Prediction, Ranges, predict
 from symoden.integrate import AbstractSolver
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, friction_matrix, potential
 from symoden.models import StructuredModel, UnstructuredModel
@@ -21,9 +22,8 @@ from symoden.shapes import Coordinates, Velocities
 from symoden.spaces import Space
 from symoden.units import titled, units_of_entries
 
-from ._evaluate import Prediction, TaskScore, predict
 from ._paper import PaperErrors
-from ._ranges import Ranges
+from ._score_task import TaskScore
 from ._simulate import simulate
 from ._sources import Source
 from ._tasks import Task

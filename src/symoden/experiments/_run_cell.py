@@ -15,11 +15,11 @@ from symoden.training import Progress, TrainingError, ignore
 from ._block_errors import block_errors
 from ._cells import Cell, CellResult
 from ._data_summary import summarize
-from ._evaluate import score_task
 from ._paper import MeanStd
 from ._presets import preset
 from ._results import cell_folder, read_result, write_result
 from ._runs import RunConfig, evaluation_solver, holds_run, read_model, read_run, train_run
+from ._score_task import score_task
 from ._sources import Source, read_source
 
 

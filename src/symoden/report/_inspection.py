@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from symoden.experiments import Certainty, Inspection
+from symoden.evaluation import Certainty, Inspection
 from symoden.units import titled, unit_of
 
 from ._style import COLOURS, DASHES, LABEL, SMALL, tidy

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from symoden.experiments import RecordedPaths
+from symoden.evaluation import RecordedPaths
 
 from ._style import COLOURS, INK, LABEL, SMALL, clock, since, tidy, wrapped
 

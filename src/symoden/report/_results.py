@@ -7,10 +7,10 @@ from typing import Final, TypeAlias
 
 from matplotlib.figure import Figure
 
+from symoden.evaluation import Prediction
 from symoden.experiments import (
     CellResult,
     Contest,
-    Prediction,
     circle_drift,
     energy_curves,
     extrapolation,

@@ -1,7 +1,6 @@
 """Scores: against loops written out, exact on the true system, finite whatever a model does."""
 
 import dataclasses
-import functools
 
 import equinox as eqx
 import jax
@@ -10,8 +9,8 @@ import numpy as np
 import pytest
 
 from symoden.data import Dataset, Trajectory
-from symoden.experiments import Source, _evaluate, predict, score_recordings, score_task, simulate, task
-from symoden.experiments._windows import horizon_of, short_windows
+from symoden.evaluation import _predict, _scores, predict, score_recordings
+from symoden.evaluation._windows import horizon_of, short_windows
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
@@ -26,17 +25,6 @@ SMALL = {"inverse_mass": PLAIN, "potential": BlockConfig(hidden=(4,)), "flow": (
 def small(kind, space, inputs=1, *, momenta=False):
     config = ModelConfig(kind=kind, actuation=PLAIN, friction=PLAIN, knees=(), **SMALL)
     return build(config, Space.parse(space), inputs, momenta=momenta, key=jax.random.key(1))
-
-
-@functools.cache
-def few_simulated(name):
-    return simulate(task(name), train_initials=2, test_initials=1)
-
-
-def few(name, *, space=None):
-    chosen, data = task(name), few_simulated(name)
-    dataset = data.dataset if space is None else dataclasses.replace(data.dataset, space=space)
-    return Source(name=name, dataset=dataset, task=chosen, prediction=data.prediction)
 
 
 def recorded(ts, *, name="swing", initial_samples=1):
@@ -58,47 +46,6 @@ def written_out(system, recording, start, stop):
     columns = (recording.q[start], recording.rates[start], recording.ts[part], recording.us[part])
     path = roll_out(system, *map(jnp.asarray, columns))
     return np.asarray(path.q) - recording.q[part]
-
-
-@pytest.mark.parametrize("name", ["pendulum-canonical", "cartpole-full"])
-def test_the_true_system_has_no_error(name):
-    source = few(name)
-    score = score_task(task(name).system, source, solver=FINE)
-    assert max(score.train.mean, score.test.mean, score.prediction.mean) < 1e-8
-
-
-def test_errors_are_sums_over_samples_and_channels_and_means_over_trajectories():
-    source = few("cartpole")
-    model = small("dissipative", "R1 T1")
-    score = score_task(model, source, solver=RK4(4))
-    sums = []
-    for recording in source.dataset.train:
-        columns = (recording.q[0], recording.rates[0], recording.ts, recording.us)
-        path = roll_out(model, *map(jnp.asarray, columns))
-        x, phi = recording.q.T
-        truth = np.stack([x, np.cos(phi), np.sin(phi), *recording.rates.T], axis=1)
-        sums.append(np.sum((np.asarray(path.observations) - truth) ** 2))
-    assert score.train.mean == pytest.approx(np.mean(sums), rel=1e-9)
-    assert score.train.std == pytest.approx(np.std(sums), rel=1e-9)
-
-
-def test_a_model_told_that_a_number_is_an_angle_is_scored_on_the_number():
-    source = few("pendulum-canonical", space="T1")
-    truth = Pendulum(gravity=10.0, damping=0.1, momenta=True)
-    assert score_task(truth, source, solver=FINE).prediction.mean < 1e-6
-    model = small("naive", "T1", momenta=True)
-    paths = predict(model, source.prediction, hold="zero", solver=RK4(4))
-    sums = [
-        np.sum((path.q - recording.q) ** 2) + np.sum((path.rates - recording.rates) ** 2)
-        for path, recording in zip(paths, source.prediction, strict=True)
-    ]
-    assert score_task(model, source, solver=RK4(4)).prediction.mean == pytest.approx(np.mean(sums), rel=1e-9)
-
-
-def test_a_data_set_has_no_task_errors():
-    source = Source(name="arm", dataset=Dataset(name="arm", space="T1", train=(recorded(0.1 * np.arange(9)),)))
-    with pytest.raises(ValueError, match="those of a task"):
-        score_task(Pendulum(), source, solver=RK4())
 
 
 def test_windows_last_a_second_and_start_every_quarter_of_one():
@@ -204,7 +151,7 @@ def test_rollouts_are_compared_with_the_range_of_all_recordings(turns, width):
 def test_a_length_that_hardly_moves_is_compared_with_a_tenth_of_another():
     q = np.linspace(0.0, 1.0, 41)[:, None] * [1.0, 1e-3, 0.3]
     every = Trajectory(name="a", ts=0.1 * np.arange(41), q=q, rates=0 * q, us=q[:, :0])
-    ranges = _evaluate._ranges(Dataset(name="d", space="R3", train=(every,)))
+    ranges = _scores._ranges(Dataset(name="d", space="R3", train=(every,)))
     np.testing.assert_allclose(ranges, [1.0, 0.1, 0.3])
 
 
@@ -233,7 +180,7 @@ def test_whole_recordings_are_predicted_from_the_state_that_their_initial_sample
 
 def test_where_the_rollout_from_the_found_state_diverges_the_measured_one_is_taken(monkeypatch):
     far = np.array([1.7e308])
-    monkeypatch.setattr(_evaluate, "find_first_state", lambda *_, **__: (far, far))
+    monkeypatch.setattr(_predict, "find_first_state", lambda *_, **__: (far, far))
     several = in_noise(0)
     one = dataclasses.replace(several, initial_samples=1)
     found, raw = predict(TRUTH, [several, one], hold="zero", solver=RK4(4))
@@ -315,10 +262,6 @@ def test_a_diverging_model_has_infinite_errors():
     (score,) = score_recordings(model, Dataset(name="d", space="T1", train=(recording,)), solver=RK4(1))
     assert score.window_rmse.median == score.window_rmse.mean == score.rollout_rmse == score.astray == np.inf
     assert score.diverged == score.windows == 5
-    task = score_task(model, source := few("pendulum"), solver=RK4(1))
-    assert not np.isfinite(task.train.mean)
-    parts = {"train": source.dataset.train, "test": source.dataset.test, "prediction": source.prediction}
-    assert task.diverged == {name: len(part) for name, part in parts.items()}
 
 
 def test_a_naive_models_angles_go_on_from_the_measured_ones():

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from symoden.data import Trajectory
-from symoden.experiments import Ranges, anchor, audit, inspect_model, simulate, task
-from symoden.experiments._inspect import units
+from symoden.evaluation import Ranges, anchor, audit, inspect_model
+from symoden.evaluation._inspect import units
+from symoden.experiments import simulate, task
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space

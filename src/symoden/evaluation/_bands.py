@@ -18,7 +18,7 @@ from symoden.training import AbstractPosterior, AbstractScatter
 
 from ._batches import Segment, Stretch, in_batches, roll_out
 from ._certainty import LEVEL
-from ._evaluate import paths
+from ._predict import paths
 from ._windows import HORIZON, OVERLAP, horizon_of, short_windows
 
 _BINS = 20

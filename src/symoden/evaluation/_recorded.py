@@ -14,7 +14,7 @@ from symoden.mechanics import AbstractDynamics
 
 from ._bands import BandedPath, Bands, judged_windows
 from ._batches import Stretch
-from ._evaluate import Prediction, predict
+from ._predict import Prediction, predict
 from ._windows import OVERLAP
 
 _INSTANT: Final = 1e-6  # [s]: stamps are rounded.

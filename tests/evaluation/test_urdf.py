@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 import symoden
 from symoden.blocks import Links
-from symoden.experiments import Ranges
+from symoden.evaluation import Ranges
 from symoden.known import KnownParts, read_urdf
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space

@@ -1,45 +1,23 @@
-"""Scores of a model: the paper's errors on a task, position errors on measured recordings."""
+"""Position errors of a model on measured recordings."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
-import equinox as eqx
-import jax
 import numpy as np
 from jaxtyping import Float
 
-from symoden.blocks import without_silent
 from symoden.data import Dataset, Trajectory, least_lively
-from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
+from symoden.integrate import HOLDS, AbstractSolver
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
-from symoden.training import FEWEST_SUBSTEPS, find_first_state
 
-from ._batches import Segment, Stretch, entire, in_batches, roll_out
-from ._paper import MeanStd
-from ._sources import Source
+from ._batches import Stretch
+from ._predict import Prediction, paths, predict
 from ._windows import horizon_of, short_windows
 
 _RESTS: Final = 0.1  # Share of the range of the length that goes furthest, below which another one rests.
-
-
-@dataclass(frozen=True, kw_only=True)
-class TaskScore:
-    """The paper's errors: for each trajectory the sum of the squared errors of one rollout from its first point.
-
-    Attributes:
-        train: Over the training trajectories.
-        test: Over the test trajectories.
-        prediction: Over the longer trajectories without input.
-        diverged: How many trajectories of each part have no finite error.
-    """
-
-    train: MeanStd
-    test: MeanStd
-    prediction: MeanStd
-    diverged: dict[str, int] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,50 +84,6 @@ class RecordingScore:
     in_motion: MotionScore = MotionScore()
     windows: int = 0
     diverged: int = 0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Prediction:
-    """Rollout from the first state of a recording, as measured or as found.
-
-    Attributes:
-        q: Coordinates; angles without jumps of 2π, whatever the model.
-        rates: Velocities or momenta.
-        observations: Embedded coordinates as the model has them, then the rates.
-    """
-
-    q: Float[np.ndarray, "T n"]
-    rates: Float[np.ndarray, "T n"]
-    observations: Float[np.ndarray, "T o"]
-
-
-def score_task(model: AbstractDynamics, source: Source, *, solver: AbstractSolver) -> TaskScore:
-    """Score a model by the paper's metrics, in the task's own observation space whatever the model was told.
-
-    Args:
-        model: Learned model or analytic system.
-        source: A task.
-        solver: What advances rollouts.
-
-    Returns:
-        The errors; a rollout that diverges makes its error NaN or infinite.
-
-    Raises:
-        ValueError: If the source is no task.
-    """
-    if source.task is None:
-        raise ValueError(f"The paper's errors are those of a task; got the data set `{source.name}`.")
-    space = Space.parse(source.task.space)
-    parts = (source.dataset.train, source.dataset.test, source.prediction)
-    every = [recording for part in parts for recording in part]
-    predictions = predict(model, every, hold=source.dataset.hold, solver=solver)
-    with np.errstate(over="ignore", invalid="ignore"):
-        errors = np.array([squared_error(model, space, *pair) for pair in zip(every, predictions, strict=True)])
-        each = np.split(errors, np.cumsum([len(part) for part in parts])[:-1])
-        train, test, prediction = (MeanStd(float(part.mean()), float(part.std())) for part in each)
-    lost = [int(np.sum(~np.isfinite(part))) for part in each]
-    diverged: dict[str, int] = dict(zip(("train", "test", "prediction"), lost, strict=True))
-    return TaskScore(train=train, test=test, prediction=prediction, diverged=diverged)
 
 
 def score_recordings(
@@ -256,116 +190,6 @@ def _recording_score(
 def _middle(values: Float[np.ndarray, " k"], weights: Float[np.ndarray, " k"]) -> float:
     """Median of weighted values."""
     return float(np.quantile(values, 0.5, weights=weights, method="inverted_cdf"))
-
-
-def predict(
-    model: AbstractDynamics,
-    trajectories: Sequence[Trajectory],
-    *,
-    hold: str = "zero",
-    solver: AbstractSolver | None = None,
-) -> list[Prediction]:
-    """Roll out recordings from their first states under their inputs.
-
-    The first state is the measured one; where there are more `initial_samples`, it is found from these
-    (`find_first_state`), unless the rollout from there diverges.
-
-    Args:
-        model: Learned model or analytic system.
-        trajectories: Recordings of any lengths.
-        hold: What an input is between samples, a key of `HOLDS`, as the data set says.
-        solver: What advances rollouts; four RK4 steps in a sampling interval if absent.
-
-    Returns:
-        One prediction for each recording.
-
-    Raises:
-        ValueError: If `hold` is no key of `HOLDS`.
-
-    Example:
-        >>> from symoden.systems import Pendulum
-        >>> ts = np.linspace(0.0, 1.0, 21)
-        >>> rest = Trajectory(name="rest", ts=ts, q=np.zeros((21, 1)), rates=np.zeros((21, 1)), us=np.zeros((21, 1)))
-        >>> (path,) = predict(Pendulum(), [rest])
-        >>> float(abs(path.q - rest.q).max())
-        0.0
-    """
-    if hold not in HOLDS:
-        raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
-    chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
-    begun = [_begun(model, trajectory, chosen, solver) for trajectory in trajectories]
-    found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
-    astray = [
-        i
-        for i, trajectory in enumerate(trajectories)
-        if begun[i] is not trajectory and not np.isfinite(found[i].observations).all()
-    ]
-    for k, path in paths(model, entire([trajectories[i] for i in astray]), hold=chosen, solver=solver):
-        found[astray[k]] = path
-    return [found[i] for i in range(len(trajectories))]
-
-
-def _begun(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
-    """A recording that begins in the state that its initial samples tell; the same one where it has one such sample."""
-    if recording.initial_samples == 1:
-        return recording
-    first = find_first_state(model, recording, hold=hold, solver=solver)
-    q, rates = (
-        np.concatenate([x[None], rest[1:]]) for x, rest in zip(first, (recording.q, recording.rates), strict=True)
-    )
-    return dataclasses.replace(recording, q=q, rates=rates)
-
-
-def paths(
-    model: AbstractDynamics, stretches: Sequence[Stretch], *, hold: Hold, solver: AbstractSolver
-) -> Iterator[tuple[int, Prediction]]:
-    """Roll out stretches of recordings, each from its first state.
-
-    Args:
-        model: Learned model or analytic system.
-        stretches: Stretches of any lengths.
-        hold: How inputs act between samples.
-        solver: What advances rollouts.
-
-    Yields:
-        The index of a stretch, and its rollout; not in order.
-    """
-    lean = without_silent(model)
-    for i, path in in_batches(lambda batch: _rollouts(lean, batch, solver, hold), stretches):
-        samples = len(stretches[i])
-        yield i, Prediction(q=path.q[:samples], rates=path.rates[:samples], observations=path.observations[:samples])
-
-
-@eqx.filter_jit
-def _rollouts(model: AbstractDynamics, batch: Segment, solver: AbstractSolver, hold: Hold) -> Rollout:
-    """Roll out a batch of segments."""
-    return jax.vmap(lambda segment: roll_out(model, segment, solver=solver, hold=hold))(batch)
-
-
-def squared_error(model: AbstractDynamics, space: Space, measured: Trajectory, predicted: Prediction) -> float:
-    """Sum of squared errors over samples and the observation channels of a space.
-
-    Args:
-        model: What predicted.
-        space: Space of the channels.
-        measured: The truth.
-        predicted: The rollout.
-
-    Returns:
-        The sum; not finite if the rollout diverged.
-    """
-    seen = (
-        predicted.observations
-        if model.space.is_angle == space.is_angle
-        else _observed(space, predicted.q, predicted.rates)
-    )
-    return float(np.sum((seen - _observed(space, measured.q, measured.rates)) ** 2))
-
-
-def _observed(space: Space, q: Float[np.ndarray, "T n"], rates: Float[np.ndarray, "T n"]) -> Float[np.ndarray, "T o"]:
-    """Embedded coordinates, then the rates."""
-    angles = q[:, space.angles]
-    return np.concatenate([q[:, space.lengths], np.cos(angles), np.sin(angles), rates], axis=1)
 
 
 def _mean_squares(predicted: Float[np.ndarray, "T n"], measured: Float[np.ndarray, "T n"]) -> Float[np.ndarray, " n"]:

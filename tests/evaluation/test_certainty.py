@@ -11,7 +11,7 @@ import pytest
 
 from symoden.blocks import Known, KnownValue
 from symoden.data import Dataset, Trajectory
-from symoden.experiments import (
+from symoden.evaluation import (
     Ranges,
     Stretch,
     _bands,
@@ -22,10 +22,9 @@ from symoden.experiments import (
     predict,
     recorded_paths,
     score_bands,
-    simulate,
-    task,
 )
-from symoden.experiments._batches import entire
+from symoden.evaluation._batches import entire
+from symoden.experiments import simulate, task
 from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space

@@ -1,0 +1,117 @@
+"""Rollouts along recordings."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from symoden.blocks import without_silent
+from symoden.data import Trajectory
+from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
+from symoden.mechanics import AbstractDynamics
+from symoden.training import FEWEST_SUBSTEPS, find_first_state
+
+from ._batches import Segment, Stretch, entire, in_batches, roll_out
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Prediction:
+    """Rollout from the first state of a recording, as measured or as found.
+
+    Attributes:
+        q: Coordinates; angles without jumps of 2π, whatever the model.
+        rates: Velocities or momenta.
+        observations: Embedded coordinates as the model has them, then the rates.
+    """
+
+    q: Float[np.ndarray, "T n"]
+    rates: Float[np.ndarray, "T n"]
+    observations: Float[np.ndarray, "T o"]
+
+
+def predict(
+    model: AbstractDynamics,
+    trajectories: Sequence[Trajectory],
+    *,
+    hold: str = "zero",
+    solver: AbstractSolver | None = None,
+) -> list[Prediction]:
+    """Roll out recordings from their first states under their inputs.
+
+    The first state is the measured one; where there are more `initial_samples`, it is found from these
+    (`find_first_state`), unless the rollout from there diverges.
+
+    Args:
+        model: Learned model or analytic system.
+        trajectories: Recordings of any lengths.
+        hold: What an input is between samples, a key of `HOLDS`, as the data set says.
+        solver: What advances rollouts; four RK4 steps in a sampling interval if absent.
+
+    Returns:
+        One prediction for each recording.
+
+    Raises:
+        ValueError: If `hold` is no key of `HOLDS`.
+
+    Example:
+        >>> from symoden.systems import Pendulum
+        >>> ts = np.linspace(0.0, 1.0, 21)
+        >>> rest = Trajectory(name="rest", ts=ts, q=np.zeros((21, 1)), rates=np.zeros((21, 1)), us=np.zeros((21, 1)))
+        >>> (path,) = predict(Pendulum(), [rest])
+        >>> float(abs(path.q - rest.q).max())
+        0.0
+    """
+    if hold not in HOLDS:
+        raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
+    chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
+    begun = [_begun(model, trajectory, chosen, solver) for trajectory in trajectories]
+    found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
+    astray = [
+        i
+        for i, trajectory in enumerate(trajectories)
+        if begun[i] is not trajectory and not np.isfinite(found[i].observations).all()
+    ]
+    for k, path in paths(model, entire([trajectories[i] for i in astray]), hold=chosen, solver=solver):
+        found[astray[k]] = path
+    return [found[i] for i in range(len(trajectories))]
+
+
+def _begun(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
+    """A recording that begins in the state that its initial samples tell; the same one where it has one such sample."""
+    if recording.initial_samples == 1:
+        return recording
+    first = find_first_state(model, recording, hold=hold, solver=solver)
+    q, rates = (
+        np.concatenate([x[None], rest[1:]]) for x, rest in zip(first, (recording.q, recording.rates), strict=True)
+    )
+    return dataclasses.replace(recording, q=q, rates=rates)
+
+
+def paths(
+    model: AbstractDynamics, stretches: Sequence[Stretch], *, hold: Hold, solver: AbstractSolver
+) -> Iterator[tuple[int, Prediction]]:
+    """Roll out stretches of recordings, each from its first state.
+
+    Args:
+        model: Learned model or analytic system.
+        stretches: Stretches of any lengths.
+        hold: How inputs act between samples.
+        solver: What advances rollouts.
+
+    Yields:
+        The index of a stretch, and its rollout; not in order.
+    """
+    lean = without_silent(model)
+    for i, path in in_batches(lambda batch: _rollouts(lean, batch, solver, hold), stretches):
+        samples = len(stretches[i])
+        yield i, Prediction(q=path.q[:samples], rates=path.rates[:samples], observations=path.observations[:samples])
+
+
+@eqx.filter_jit
+def _rollouts(model: AbstractDynamics, batch: Segment, solver: AbstractSolver, hold: Hold) -> Rollout:
+    """Roll out a batch of segments."""
+    return jax.vmap(lambda segment: roll_out(model, segment, solver=solver, hold=hold))(batch)
