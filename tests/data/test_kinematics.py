@@ -69,3 +69,13 @@ def test_a_position_that_a_filter_makes_late_is_not_called_one_in_another_unit(t
     (one,) = check_dataset(path).recordings[0].findings
     assert "`q1` follows the integral of `v1` about 0.0" in one.text
     assert ("look at its unit" in one.text) == (factor != 1.0)
+
+
+@pytest.mark.parametrize("factor", [-1 / 30, 3.0])
+def test_an_angle_that_is_wrapped_where_it_is_fastest_tells_its_velocitys_unit(tmp_path, factor):
+    log = arm(0, samples=300, step=0.025, jitter=0.0)
+    t = log[:, 0]
+    q = np.pi + 2 * np.sin(14 * t) + 0.3 * np.sin(3 * t)
+    log[:, 1], log[:, 3] = np.mod(q + np.pi, 2 * np.pi) - np.pi, factor * (28 * np.cos(14 * t) + 0.9 * np.cos(3 * t))
+    (velocity,) = (one for one in check_dataset(written(tmp_path, log)).recordings[0].channels if one.name == "v1")
+    assert velocity.ratio == pytest.approx(1 / factor, rel=0.02)

@@ -3,6 +3,7 @@
 import dataclasses
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from symoden.training._left_out import Contender, _folds, by_left_out
 from symoden.training._levenberg_marquardt import levenberg_marquardt_step
 from symoden.training._objective import Batch
 from symoden.training._residuals import evaluate_loss
+from symoden.training._run import Stopwatch
 from symoden.training._verdicts import CHANCE, CLEAR, Judge
 
 CONSTANT = BlockConfig(constant=True)
@@ -164,3 +166,25 @@ def test_longer_windows_may_be_few_where_energies_are_given(prepared, resting):
         assert not longer_data(held, model, data, dataclasses.replace(CONFIG, lm_samples=samples))
     free = _prepare(dataclasses.replace(resting, known=None), MODEL, CONFIG)[1].model
     assert not longer_data(held, free, data, CONFIG)
+
+
+def test_a_verdict_that_takes_too_long_is_left_to_the_next_run(resting, tmp_path, monkeypatch):
+    whole = fit(resting, model=MODEL, config=CONFIG)
+    refits = []
+
+    def is_up(watch):
+        refits.append(watch)
+        return len(refits) > 3  # In the middle of the first verdict.
+
+    monkeypatch.setattr(Stopwatch, "is_up", is_up)
+    cut = fit(resting, model=MODEL, config=CONFIG, folder=tmp_path, max_minutes=100.0)
+    assert not cut.completed
+    assert cut.outcome.startswith("stopped at the time limit of 100 minutes")
+    assert len(refits) == 4
+    runs = 0
+    while not cut.completed:
+        cut = fit(resting, model=MODEL, config=CONFIG, folder=tmp_path, resume=True, max_minutes=100.0)
+        runs += 1
+    assert 1 < runs < 20  # Every run ends the verdict that the one before could not.
+    assert cut.verdicts == whole.verdicts
+    assert eqx.tree_equal(cut.model, whole.model)

@@ -11,6 +11,7 @@ from ._description import Description
 from ._kinematics import Accuracy, Ratio, blocks, velocity_ratio
 from ._logs import Log
 from ._signals import longest_step, noise_level, quantum, shares_cut_off
+from ._spikes import unwrapped
 from ._tables import units_below_names
 
 Role: TypeAlias = Literal["position", "velocity", "momentum", "input"]
@@ -100,9 +101,21 @@ class Facts:
     below: Mapping[str, str] = field(default_factory=dict)
 
     @property
+    def way(self) -> np.ndarray:
+        """Positions (T, n), angles without jumps by a turn."""
+        return _without_jumps(self.q, self.is_angle)
+
+    @property
     def channels(self) -> tuple[ChannelFacts, ...]:
         """Facts of every column."""
         return self.positions + self.rates + self.inputs
+
+
+def _without_jumps(q: np.ndarray, is_angle: np.ndarray) -> np.ndarray:
+    """Positions with angles unwrapped, for a fast one jumps in every third block."""
+    way = q.copy()
+    way[:, is_angle] = unwrapped(q[:, is_angle])
+    return way
 
 
 def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: np.ndarray) -> Facts | None:
@@ -125,9 +138,10 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
     rates = None if log.rates is None else log.rates[rows]
     v = rates if description.momenta is None else None
     longest = longest_step(np.diff(ts), resample=description.resample)
+    ways = _without_jumps(q, is_angle)
     positions = tuple(
-        dataclasses.replace(one, moving=_share_moving(ts, np.unwrap(way) if angle else way, one.accuracy, longest))
-        for one, way, angle in zip(_channels(ts, q, log, "position", longest), q.T, is_angle, strict=True)
+        dataclasses.replace(one, moving=_share_moving(ts, way, one.accuracy, longest))
+        for one, way in zip(_channels(ts, q, log, "position", longest, smooth=ways), ways.T, strict=True)
     )
     role: Role = "velocity" if description.momenta is None else "momentum"
     of_rates = () if rates is None else _channels(ts, rates, log, role, longest)
@@ -135,7 +149,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
     if v is not None:
         ratios = tuple(
             velocity_ratio(ts, *signals, longest=longest, accuracy=(one.accuracy, other.accuracy))
-            for *signals, one, other in zip(q.T, v.T, positions, of_rates, strict=True)
+            for *signals, one, other in zip(ways.T, v.T, positions, of_rates, strict=True)
         )
         of_rates = tuple(
             dataclasses.replace(one, ratio=ratio.factor if ratio.known else None)
@@ -160,16 +174,19 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
     )
 
 
-def _channels(ts: np.ndarray, signals: np.ndarray, log: Log, role: Role, longest: float) -> tuple[ChannelFacts, ...]:
-    """Facts of each column that need no other one."""
+def _channels(
+    ts: np.ndarray, signals: np.ndarray, log: Log, role: Role, longest: float, *, smooth: np.ndarray | None = None
+) -> tuple[ChannelFacts, ...]:
+    """Facts of each column that need no other one; noise is that of the `smooth` ones, if there are others."""
     key = {"position": "positions", "input": "inputs"}.get(role, "rates")
+    quiet = signals if smooth is None else smooth
     return tuple(
-        _channel(ts, signal, (name, log.title(key, i)), role, longest)
-        for i, (signal, name) in enumerate(zip(signals.T, log.names[key], strict=True))
+        _channel(signal, (name, log.title(key, i)), role, noise_level(ts, way, longest=longest))
+        for i, (signal, way, name) in enumerate(zip(signals.T, quiet.T, log.names[key], strict=True))
     )
 
 
-def _channel(ts: np.ndarray, signal: np.ndarray, names: tuple[str, str], role: Role, longest: float) -> ChannelFacts:
+def _channel(signal: np.ndarray, names: tuple[str, str], role: Role, noise: float) -> ChannelFacts:
     """Facts of one column."""
     step = quantum(signal)
     shares = shares_cut_off(signal) if role == "input" else {}
@@ -181,7 +198,7 @@ def _channel(ts: np.ndarray, signal: np.ndarray, names: tuple[str, str], role: R
         maximum=float(signal.max()),
         rms=float(np.sqrt(np.mean(signal**2))),
         quantum=step,
-        noise=max(noise_level(ts, signal, longest=longest), step / np.sqrt(12)),
+        noise=max(noise, step / np.sqrt(12)),
         cut_off=sum(shares.values(), 0.0),
         limits=tuple(shares),
     )

@@ -115,7 +115,7 @@ def velocity_ratio(
 
     Args:
         ts: Increasing time stamps [s].
-        q: Position, wrapped or not.
+        q: Position; of an angle that is wrapped often, what remains of it is no motion.
         v: Velocity.
         longest: Longest step that is no gap [s].
         accuracy: Of position and velocity.
@@ -174,8 +174,8 @@ def _ratio(
 ) -> Ratio:
     """Compare displacements with velocities some time later, perhaps of the blocks that move alone.
 
-    The factor is that of least absolute deviations, a weighted median, so that jumps of a wrapped angle do not change
-    it; blocks in which one of both does not change at all, at rest or stuck, do not count. Many machines mostly rest,
+    The factor is that of least absolute deviations, a weighted median, so that a few jumps do not change it; blocks in
+    which one of both does not change at all, at rest or stuck, do not count. Many machines mostly rest,
     and chatter where they do: if there is too little motion on the whole, the blocks that move are asked alone.
 
     Returns:

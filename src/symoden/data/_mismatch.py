@@ -243,7 +243,7 @@ def _real_velocity(facts: Facts, i: int) -> str | None:
         if j == i or facts.v is None:
             continue
         accuracy = facts.positions[i].accuracy, rate.accuracy
-        other = velocity_ratio(facts.ts, facts.q[:, i], facts.v[:, j], longest=facts.longest, accuracy=accuracy)
+        other = velocity_ratio(facts.ts, facts.way[:, i], facts.v[:, j], longest=facts.longest, accuracy=accuracy)
         if other.known and other.misfit < _ELSEWHERE and abs(other.factor - 1) < AGREES:
             return rate.name
     return None

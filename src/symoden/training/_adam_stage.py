@@ -18,7 +18,7 @@ from ._data import Data
 from ._flatten import Flattening, cast, freed
 from ._relevance import Relevance
 from ._residuals import evaluate_loss
-from ._stages import FOUND, AbstractStage
+from ._stages import FOUND, AbstractStage, Clock, never
 from ._state import Incumbent, Report, TrainingState
 
 DIVERGED: Final = "diverged; the best model before was kept"
@@ -63,8 +63,9 @@ class AdamStage(AbstractStage):
         incumbent = Incumbent(best, known, state.origin, state.weighing, rival=best)
         return state._replace(step=0, model=model, best=best, best_loss=loss, incumbent=incumbent, memory=memory)
 
-    def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
+    def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
         """Take up to some hundred steps in one compiled call."""
+        del is_over
         known = self.yields and self.config.scaled_loss and state.best_loss < FOUND
         if known and state.step == 0:
             state = state._replace(model=state.best, memory=state.incumbent.memory)

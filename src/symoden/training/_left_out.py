@@ -11,6 +11,7 @@ from ._data import Data
 from ._flatten import Flattening
 from ._levenberg_marquardt import LevenbergState, LevenbergStep
 from ._objective import AbstractObjective, Batch
+from ._stages import Clock, OutOfTime, never
 from ._verdicts import Judge, Verdict, by_windows, window_losses
 
 _FOLDS: Final = 5
@@ -35,7 +36,7 @@ class Contender(NamedTuple):
     steps: int
     damping: float
 
-    def refitted(self, windows: Batch) -> AbstractDynamics:
+    def refitted(self, windows: Batch, is_over: Clock = never) -> AbstractDynamics:
         """The model fitted to these windows.
 
         It goes on from where it is: another start may end in another basin, which says nothing of the laws that are
@@ -43,13 +44,19 @@ class Contender(NamedTuple):
 
         Args:
             windows: What to fit.
+            is_over: Whether the time is over.
 
         Returns:
             The model.
+
+        Raises:
+            OutOfTime: If the time is over before it is fitted.
         """
         restore, theta = Flattening.of(self.model, corrections=self.corrections, dtype=windows.q.dtype)
         state, stale = LevenbergState(theta, self.damping), 0
         for _ in range(self.steps):
+            if is_over():
+                raise OutOfTime
             state, done = self.step(state, restore, windows)
             stale = 0 if done.falls_by(_STALLED) else stale + 1
             if stale == _PATIENCE:
@@ -58,7 +65,13 @@ class Contender(NamedTuple):
 
 
 def by_left_out(
-    data: Data, ours: Contender, theirs: Contender, objective: AbstractObjective, *, wanted: float
+    data: Data,
+    ours: Contender,
+    theirs: Contender,
+    objective: AbstractObjective,
+    *,
+    wanted: float,
+    is_over: Clock = never,
 ) -> Verdict:
     """The verdict of windows that are left out, on a model and another that it had to improve on.
 
@@ -71,14 +84,18 @@ def by_left_out(
         theirs: The one before.
         objective: What errors count.
         wanted: By more than so many standard errors it has to be better.
+        is_over: Whether the time is over.
 
     Returns:
         The verdict.
+
+    Raises:
+        OutOfTime: If the time is over before it is found.
     """
     assert data.validation is not None
     here, there = (window_losses(each.model, objective, data.validation) for each in (ours, theirs))
     for fitted, left_out in _folds(data.train):
-        losses = (window_losses(each.refitted(fitted), objective, left_out) for each in (ours, theirs))
+        losses = (window_losses(each.refitted(fitted, is_over), objective, left_out) for each in (ours, theirs))
         here, there = (np.concatenate(pair) for pair in zip((here, there), losses, strict=True))
     return by_windows(Judge.LEFT_OUT, here, there, wanted=wanted)
 

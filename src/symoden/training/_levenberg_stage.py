@@ -23,7 +23,7 @@ from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenber
 from ._objective import AbstractObjective, Batch
 from ._relevance import Relevance, free_scale, remembered
 from ._residuals import evaluate_loss, integration_error
-from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage
+from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage, Clock, never
 from ._state import Report, TrainingState
 from ._verdicts import LOST, Skipped, Verdict, by_rollouts, by_validation
 from ._weak_form import WeakForm
@@ -135,7 +135,7 @@ class LevenbergStage(AbstractStage):
             stale=0,
         )
 
-    def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
+    def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
         """Take one step."""
         if state.step == 0 and (why := self._needless(state)):
             state = self._undone(state)
@@ -177,12 +177,13 @@ class LevenbergStage(AbstractStage):
         verdict = None
         if ended:
             state = state._replace(best=model, best_loss=judged) if self.learns else state
-            state, verdict = self._concluded(state)
+            state, verdict = self._concluded(state, is_over)
         return state, Report(step.after, validation, ended, outcome, verdict)
 
     def settled(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
         """With what came of it so far, the priors as they are by now, if that is to be kept."""
-        if not state.step or self.begins.rivalled:  # What some recordings alone have made, or nothing has.
+        # What some recordings alone have made, or nothing has, or what many refits would have to judge.
+        if not state.step or self.begins.rivalled or self._refits:
             return self._undone(state), None
         if not self.learns:
             return self._concluded(state)
@@ -302,15 +303,20 @@ class LevenbergStage(AbstractStage):
         priors = priors if evident else priors._replace(evidence=record)
         return state._replace(memory=priors, stale=0 if evident or step.falls_by(_FALLING) else state.stale + 1)
 
-    def _concluded(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
+    def _concluded(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Verdict | None]:
         """State at the end of the stage, with what came of it or as it was before; and the verdict."""
         if self.rivals:
             undone = self._undone(state)
             return undone._replace(incumbent=undone.incumbent._replace(rival=state.model)), None
-        verdict = self._judged(state)
+        verdict = self._judged(state, is_over)
         return state if verdict is None or verdict.kept else self._undone(state), verdict
 
-    def _judged(self, state: TrainingState) -> Verdict | None:
+    @property
+    def _refits(self) -> bool:
+        """Whether windows left out in turn judge: without anything new, both would be fitted to the same end."""
+        return self.data.in_turn and (self.frees or self.learns)
+
+    def _judged(self, state: TrainingState, is_over: Clock) -> Verdict | None:
         """The verdict on what came of the stage, if it has to gain something, and there is something to judge by."""
         best, before = state.best, state.incumbent.rival
         if self.rollouts is not None:
@@ -318,10 +324,10 @@ class LevenbergStage(AbstractStage):
         if self.margin is None or self.data.validation is None:
             return None
         objective = self.objective(state.substeps, state.weighing)
-        if self.data.in_turn and (self.frees or self.learns):  # Else both would be fitted to the same end.
+        if self._refits:
             ours = self._contender(state, best, self._free(best, before), state.memory)
             theirs = self._contender(state, before, freed(before), state.incumbent.memory)
-            verdict = by_left_out(self.data, ours, theirs, objective, wanted=self.margin)
+            verdict = by_left_out(self.data, ours, theirs, objective, wanted=self.margin, is_over=is_over)
         else:
             verdict = by_validation(self.data, best, before, objective, last=state.model, wanted=self.margin)
         if self.begins.leaner:

@@ -13,7 +13,7 @@ from symoden.storage import StorageError, write_atomically
 from symoden.wording import first_few
 
 from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
-from ._stages import AbstractStage
+from ._stages import AbstractStage, Clock, OutOfTime, never
 from ._state import Findings, TrainingState
 
 MODEL: Final = "model.safetensors"
@@ -67,6 +67,10 @@ class Stopwatch:
     def seconds(self) -> float:
         """Time spent [s]."""
         return self.spent + time.monotonic() - self._started
+
+    def is_up(self) -> bool:
+        """Whether the time is up."""
+        return self._limit is not None and time.monotonic() - self._started >= 60 * self._limit
 
     def is_over(self) -> bool:
         """Whether the time is up, or would be before another step has ended; to be asked after each one.
@@ -211,10 +215,14 @@ def run(
         state, findings, lines, watch.spent = journal.read(stages, state)
     elif stages:
         state = stages[0].start(state)
+    is_over: Clock = never  # The first stride ends, or a stride that takes longer than the limit would never.
     while state.stage < len(stages):
         stage = stages[state.stage]
-        state, report = stage.advance(state)
-        seconds = watch.seconds
+        try:
+            state, report = stage.advance(state, is_over)
+        except OutOfTime:
+            return _cut_short(stages, state, findings, watch)
+        is_over, seconds = watch.is_up, watch.seconds
         done = stage.name, state.step, stage.steps, report.loss, report.validation, seconds
         now = Progress(*done, report.outcome, "" if report.verdict is None else str(report.verdict))
         lines.append({key: _json(value) for key, value in now._asdict().items()})
@@ -227,12 +235,19 @@ def run(
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             progress(now)
         if watch.is_over() and state.stage < len(stages):
-            left = stages[state.stage :]
-            state, verdict = left[0].settled(state)
-            cut_short = None if verdict is None else verdict._replace(cut_short=True)
-            outcome = watch.outcome(_names(left), len(stages) - len(left))
-            return state, findings.told(left[0].name, cut_short)._replace(outcome=outcome)
+            return _cut_short(stages, state, findings, watch)
     return state, findings
+
+
+def _cut_short(
+    stages: Sequence[AbstractStage], state: TrainingState, findings: Findings, watch: Stopwatch
+) -> tuple[TrainingState, Findings]:
+    """The state with what came so far of the stage that was cut short, and what is to be said of it."""
+    left = stages[state.stage :]
+    state, verdict = left[0].settled(state)
+    cut_short = None if verdict is None else verdict._replace(cut_short=True)
+    outcome = watch.outcome(_names(left), len(stages) - len(left))
+    return state, findings.told(left[0].name, cut_short)._replace(outcome=outcome)
 
 
 def _names(stages: Sequence[AbstractStage]) -> list[str]:

@@ -1,7 +1,8 @@
 """What a stage of training is: it advances one state by one checkpointable stride."""
 
 import abc
-from typing import Final
+from collections.abc import Callable
+from typing import Final, TypeAlias
 
 from symoden.mechanics import AbstractDynamics
 
@@ -11,6 +12,19 @@ from ._verdicts import Verdict
 FOUND: Final = 0.1  # Mean squared residual, relative to the motion, below which a model is in the right basin.
 EXPLAINED: Final = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
 EXACT: Final = 1e-11  # The same below which no measurement could tell the model from the truth.
+
+
+Clock: TypeAlias = Callable[[], bool]
+"""Says whether the time is over."""
+
+
+class OutOfTime(Exception):  # noqa: N818 - It is no error: what was before the stride stands.
+    """The time is over in the middle of a stride."""
+
+
+def never() -> bool:
+    """No time limit."""
+    return False
 
 
 class AbstractStage(abc.ABC):
@@ -53,8 +67,19 @@ class AbstractStage(abc.ABC):
         """State at the beginning of this stage, from the end of the one before."""
 
     @abc.abstractmethod
-    def advance(self, state: TrainingState) -> tuple[TrainingState, Report]:
-        """Take one stride."""
+    def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
+        """Take one stride.
+
+        Args:
+            state: Where to start.
+            is_over: Whether the time is over, which a stride that takes long asks now and then.
+
+        Returns:
+            The state after it, and what it did.
+
+        Raises:
+            OutOfTime: If the time is over before the stride is.
+        """
 
     @abc.abstractmethod
     def settled(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
