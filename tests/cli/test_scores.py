@@ -182,3 +182,13 @@ def test_errors_are_compared_with_the_motion():
     )
     assert share_of_motion([recording(math.inf, 1.0)]) == math.inf
     assert math.isnan(share_of_motion([]))
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_of_many_coordinates_the_worst_are_named(missing):
+    names = ("waist", "shoulder", "elbow", "forearm", "wrist")
+    errors = (math.nan,) * 5 if missing else (0.01, 0.02, 0.03, 0.34, 0.49)
+    table = _recordings([dataclasses.replace(recording(0.1, 1.0), coordinates=errors)], ("rad",) * 5, names)
+    assert table.columns[-1] == "1 s, worst"
+    assert table.rows[0][-1] == ("-" if missing else "wrist 0.49, forearm 0.34")
+    assert "worst" not in " ".join(_recordings([], ("rad",) * 4, names[:4]).columns)

@@ -33,7 +33,7 @@ def name_other_hold(model: AbstractDynamics, dataset: Dataset, solver: AbstractS
         return
     chosen = spaced_evenly(len(dataset.train), _RECORDINGS)
     dataset = dataclasses.replace(dataset, train=tuple(dataset.train[i] for i in chosen), validation=(), test=())
-    with show_work(f'inputs with `hold = "{other}"`'):
+    with show_work(f'comparing with `hold = "{other}"`'):
         errors = [
             [each.in_motion.error for each in score_recordings(model, data, solver=solver)]
             for data in (dataset, dataclasses.replace(dataset, hold=other))

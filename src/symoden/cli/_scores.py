@@ -17,6 +17,7 @@ from ._output import TableText, number, print_table
 
 _ERRORS = ("train", "test", "prediction")
 _FEW = 4  # Coordinates that have a column each.
+_WORST = 2  # Coordinates that are named where there are more.
 _AS_BAD: Final = 0.1  # Share of the largest error.
 _POOR: Final = 0.5  # Share of the way that positions go in a second, or of what going on as at first is off by.
 _AWAY: Final = 2.0  # Ranges in which all recordings move: what is off by less is still near.
@@ -256,21 +257,32 @@ def _recordings(recordings: Sequence[RecordingScore], units: Sequence[str], name
     measured = ", ".join([*["rad"] * ("rad" in units), *lengths])
     length = _length(recordings) if recordings else ""
     each = [f"{length}, {name}" for name in names] if 1 < len(names) <= _FEW else []
+    worst = [f"{length}, worst"] if len(names) > _FEW else []
     short = any(math.isnan(r.motion) for r in recordings)
     return TableText(
         f"position RMSE [{measured}]: over windows of {length}, beside how far positions move in these, and of one "
         "rollout over the whole recording"
         + ("; of each coordinate the median over the windows" if each else "")
+        + ("; of the coordinates that are worst the median over the windows" if worst else "")
         + ("; -: the recording is shorter than a window" if short else ""),
-        ("recording", "split", "samples", f"{length} median", f"{length} mean", "moves", "whole", *each),
+        ("recording", "split", "samples", f"{length} median", f"{length} mean", "moves", "whole", *each, *worst),
         [
             (
                 *(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.motion, r.rollout_rmse),
                 *r.coordinates[: len(each)],
+                *([_worst(r.coordinates, names)] if worst else []),
             )
             for r in recordings
         ],
     )
+
+
+def _worst(errors: Sequence[float], names: Sequence[str]) -> str:
+    """The coordinates with the largest errors, with these."""
+    if any(map(math.isnan, errors)):
+        return "-"
+    largest = sorted(zip(errors, names, strict=True), reverse=True)[:_WORST]
+    return ", ".join(f"{name} {number(error)}" for error, name in largest)
 
 
 def _spread(error: MeanStd) -> str:
