@@ -384,11 +384,11 @@ class LevenbergStage(AbstractStage):
         """Number of RK4 steps that is stable and keeps the integration's error below a tenth of the residuals."""
         if self.config.lm_substeps is not None:
             return self.config.lm_substeps
-        if self.regresses:
+        if self.regresses or state.substeps >= _MOST_SUBSTEPS:
             return state.substeps
         coarse = self.objective(state.substeps, state.weighing)
         sample = self.data.train.take(slice(None, None, max(1, self.data.train.ts.shape[0] // 64)))
         error = integration_error(state.model, coarse, self.objective(2 * state.substeps, state.weighing), sample)
         loss = evaluate_loss(state.model, coarse, sample)
-        fine = state.substeps >= _MOST_SUBSTEPS or (math.isfinite(loss) and error <= 0.01 * loss)
+        fine = math.isfinite(loss) and error <= 0.01 * loss
         return state.substeps if fine else 2 * state.substeps
