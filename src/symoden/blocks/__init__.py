@@ -55,6 +55,7 @@ from ._functions import (
 )
 from ._harmonics import Harmonics as Harmonics, products as products
 from ._known import Known as Known
+from ._lagrange import forces as forces, momenta as momenta
 from ._links import Links as Links, LinksBlock as LinksBlock
 from ._polynomial import Polynomial as Polynomial, monomials as monomials
 from ._trainable import (
@@ -118,11 +119,13 @@ __all__ = [
     "ViscousFriction",
     "count_active",
     "count_parameters",
+    "forces",
     "identity_triangle",
     "inverse_of_positive",
     "is_silent",
     "kinds_in_use",
     "lower_triangle",
+    "momenta",
     "monomials",
     "products",
     "silenced",

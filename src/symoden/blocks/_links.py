@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.known import Robot
-from symoden.shapes import Coordinates, Scalar, SquareMatrix
+from symoden.shapes import Coordinates, Momenta, Scalar, SquareMatrix, Velocities
 
 from ._fields import AbstractBlock
 from ._known import Known
@@ -99,11 +99,7 @@ class Links(eqx.Module):
     def mass_matrix(self, q: Coordinates) -> SquareMatrix:
         """M at the configuration `q`."""
         poses, composites = self._composites(q)
-        slides = np.array(self.prismatic)[:, None]
-        axes = jnp.einsum("kab,kb->ka", poses[:, :3, :3], self.axes.value)
-        turns = jnp.einsum("abc,kb->kac", _LEVI_CIVITA.astype(q.dtype), jnp.where(slides, 0, axes))
-        shifts = jnp.where(slides, axes, -jnp.einsum("kab,kb->ka", turns, poses[:, :3, 3]))
-        twists = jnp.concatenate([turns, shifts[:, :, None]], axis=2)  # The first three rows of ξ; the last is zero.
+        twists = self._twists(poses)
         matrix = jnp.einsum("iab,jab->ij", twists, jnp.einsum("kab,kbc->kac", twists, composites))
         matrix = matrix * self._hangs.astype(q.dtype)
         matrix = matrix + jnp.triu(matrix, 1).T + jnp.diag(self.drives)
@@ -115,6 +111,45 @@ class Links(eqx.Module):
         _, composites = self._composites(q)
         roots = [k for k, parent in enumerate(self.parents) if parent < 0]
         return -jnp.sum(composites[np.array(roots), :3, 3] @ self.gravity.value)
+
+    def momenta(self, q: Coordinates, v: Velocities) -> tuple[Momenta, Momenta]:
+        """M v, and the slope of the kinetic energy along the coordinates where the velocities `v` stay.
+
+        With Vⱼ the sum of ξᵢ vᵢ over the joints that the body j hangs on, and h the sum of Vⱼ Tⱼ Jⱼ Tⱼᵀ over the bodies
+        that hang on the joint i, they are tr(ξᵢ hᵀ) and tr([Vᵢ, ξᵢ] hᵀ): M is not differentiated, nor made.
+
+        Args:
+            q: Configuration.
+            v: Velocities.
+
+        Returns:
+            Both.
+        """
+        hangs, rates = jnp.asarray(self._hangs, q.dtype), v[np.array(self.coordinates)]
+        poses = self._poses(q)
+        twists = self._twists(poses)
+        moving = (hangs.T @ (twists * rates[:, None, None]).reshape(-1, 12)).reshape(twists.shape)
+        carried = _product(_product(_product(moving, poses), self.inertias), jnp.swapaxes(poses, 1, 2))
+        beyond = (hangs @ carried.reshape(-1, 12)).reshape(twists.shape)
+        turning = _product(moving[:, :, :3], twists) - _product(twists[:, :, :3], moving)
+        momenta = jnp.sum(twists * beyond, axis=(1, 2)) + self.drives * rates
+        order = np.argsort(self.coordinates)
+        return momenta[order], jnp.sum(turning * beyond, axis=(1, 2))[order]
+
+    def weights(self, q: Coordinates) -> Momenta:
+        """−∂V/∂q, what gravity pulls with at every coordinate [N m, or N].
+
+        Args:
+            q: Configuration.
+
+        Returns:
+            The forces.
+        """
+        poses = self._poses(q)
+        places = jnp.sum(poses * self.inertias[:, None, :, 3], axis=2)  # Mass times centre, and the mass.
+        beyond = self._hangs.astype(q.dtype) @ places
+        shifts = jnp.sum(self._twists(poses) * beyond[:, None, :], axis=2)
+        return (shifts @ self.gravity.value)[np.argsort(self.coordinates)]
 
     def times(self, factor: float | int) -> "Links":
         """The same bodies with all masses, moments and drives multiplied.
@@ -170,12 +205,27 @@ class Links(eqx.Module):
 
     def _composites(self, q: Coordinates) -> tuple[Float[Array, "b 4 4"], Float[Array, "b 4 4"]]:
         """Pose of every body, and the sum of T J Tᵀ over all that hang on its joint."""
+        poses = self._poses(q)
+        rooted = _product(poses, self._roots())
+        own = _product(rooted, jnp.swapaxes(rooted, 1, 2))
+        return poses, jnp.einsum("ij,jab->iab", self._hangs.astype(q.dtype), own)
+
+    def _poses(self, q: Coordinates) -> Float[Array, "b 4 4"]:
+        """Pose of every body."""
         poses: list[Float[Array, "4 4"]] = []
         for parent, placed in zip(self.parents, self._placed(q), strict=True):
             poses.append(placed if parent < 0 else _product(poses[parent], placed))
-        rooted = _product(jnp.stack(poses), self._roots())
-        own = _product(rooted, jnp.swapaxes(rooted, 1, 2))
-        return jnp.stack(poses), jnp.einsum("ij,jab->iab", self._hangs.astype(q.dtype), own)
+        return jnp.stack(poses)
+
+    def _twists(self, poses: Float[Array, "b 4 4"]) -> Float[Array, "b 3 4"]:
+        """The first three rows of every ξ; the last is zero."""
+        slides = np.array(self.prismatic)[:, None]
+        axes = jnp.sum(poses[:, :3, :3] * self.axes.value[:, None], axis=2)
+        x, y, z = jnp.where(slides, 0, axes).T
+        none = jnp.zeros_like(x)
+        turns = jnp.stack([none, -z, y, z, none, -x, -y, x, none], axis=1).reshape(-1, 3, 3)
+        shifts = jnp.where(slides, axes, -jnp.sum(turns * poses[:, None, :3, 3], axis=2))
+        return jnp.concatenate([turns, shifts[:, :, None]], axis=2)
 
     def _placed(self, q: Coordinates) -> Float[Array, "b 4 4"]:
         """Pose of every body in that of its parent, by Rodrigues' formula or a shift along the axis."""
@@ -214,6 +264,6 @@ class LinksBlock(AbstractBlock):
         return self.unit.value * value
 
 
-def _product(A: Float[Array, "*B 4 4"], B: Float[Array, "*B 4 4"]) -> Float[Array, "*B 4 4"]:
+def _product(A: Float[Array, "*B i j"], B: Float[Array, "*B j k"]) -> Float[Array, "*B i k"]:
     """A B: sums of products, which a compiler makes one loop of, are faster than many products of small matrices."""
     return jnp.sum(A[..., :, :, None] * B[..., None, :, :], axis=-2)

@@ -8,6 +8,20 @@ from ._rollout import (
     rollout as rollout,
     zero_hold as zero_hold,
 )
-from ._solvers import RK4 as RK4, AbstractSolver as AbstractSolver, DiffraxSolver as DiffraxSolver
+from ._sensitivity import LinearField as LinearField, sensitivity_step as sensitivity_step
+from ._solvers import RK4 as RK4, AbstractSolver as AbstractSolver, DiffraxSolver as DiffraxSolver, Stages as Stages
 
-__all__ = ["HOLDS", "RK4", "AbstractSolver", "DiffraxSolver", "Hold", "Rollout", "linear_hold", "rollout", "zero_hold"]
+__all__ = [
+    "HOLDS",
+    "RK4",
+    "AbstractSolver",
+    "DiffraxSolver",
+    "Hold",
+    "LinearField",
+    "Rollout",
+    "Stages",
+    "linear_hold",
+    "rollout",
+    "sensitivity_step",
+    "zero_hold",
+]

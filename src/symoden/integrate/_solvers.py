@@ -2,17 +2,22 @@
 
 import abc
 from collections.abc import Callable
-from typing import TypeAlias, final
+from typing import Final, NamedTuple, TypeAlias, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Int, PyTree
+from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from symoden.shapes import Inputs, Scalar
 
 Field: TypeAlias = Callable[[Scalar, PyTree, Inputs], PyTree]
+
+OFFSETS: Final = (0.0, 1 / 2, 1 / 2, 1.0)
+"""Where in a step the classical Runge-Kutta method takes its slopes, each from the one before."""
+WEIGHTS: Final = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
+"""What they count."""
 
 
 class AbstractSolver(eqx.Module):
@@ -47,32 +52,64 @@ class RK4(AbstractSolver):
 
     def step(self, field: Field, state: PyTree, t0: Scalar, t1: Scalar, u0: Inputs, u1: Inputs) -> PyTree:
         """State at `t1`."""
+
+        def one(x: PyTree, start: Scalar) -> PyTree:
+            return self.substep(field, x, start, t0, t1, u0, u1)[0]
+
+        if isinstance(self.substeps, int) and self.substeps == 1:
+            return one(state, jnp.zeros_like(t0))
+        return jax.lax.fori_loop(0, self.substeps, lambda i, x: one(x, i.astype(t0.dtype)), state)
+
+    def substep(
+        self, field: Field, state: PyTree, start: Scalar, t0: Scalar, t1: Scalar, u0: Inputs, u1: Inputs
+    ) -> tuple[PyTree, "Stages"]:
+        """One of the steps from `t0` to `t1`.
+
+        Args:
+            field: Right-hand side.
+            state: State before the step.
+            start: How many steps of the interval lie before it.
+            t0: Time of the sample before.
+            t1: Time of the sample after.
+            u0: Input at the one.
+            u1: Input at the other.
+
+        Returns:
+            The state after the step, and where the field was asked for its four slopes.
+        """
         count = jnp.asarray(self.substeps, t0.dtype)
         h = (t1 - t0) / count
 
         def add(x: PyTree, k: PyTree, factor: Scalar) -> PyTree:
             return jax.tree.map(lambda a, b: a + factor * b, x, k)
 
-        def one(x: PyTree, start: Scalar) -> PyTree:
-            def slope(x: PyTree, offset: Scalar) -> PyTree:
-                share = (start + offset) / count
-                return field(t0 + (start + offset) * h, x, u0 + share * (u1 - u0))
+        def stage(carry: tuple[PyTree, PyTree], coefficients: tuple[Scalar, Scalar]) -> tuple:
+            total, k = carry
+            offset, weight = coefficients
+            share = (start + offset) / count
+            at = t0 + (start + offset) * h, add(state, k, offset * h), u0 + share * (u1 - u0)
+            k = field(*at)
+            return (add(total, k, weight * h), k), at
 
-            def stage(carry: tuple[PyTree, PyTree], coefficients: tuple[Scalar, Scalar]) -> tuple:
-                total, k = carry
-                offset, weight = coefficients
-                k = slope(add(x, k, offset * h), offset)
-                return (add(total, k, weight * h), k), None
+        # A loop over the stages instead of four copies of the field halves the time to compile.
+        still = jax.tree.map(jnp.zeros_like, state)
+        table = jnp.asarray([OFFSETS, WEIGHTS], t0.dtype)
+        (total, _), at = jax.lax.scan(stage, (state, still), (table[0], table[1]), unroll=self.unroll)
+        return total, Stages(*at)
 
-            # A loop over the stages instead of four copies of the field halves the time to compile.
-            still = jax.tree.map(jnp.zeros_like, x)
-            table = jnp.asarray([[0, 1 / 2, 1 / 2, 1], [1 / 6, 1 / 3, 1 / 3, 1 / 6]], t0.dtype)
-            (total, _), _ = jax.lax.scan(stage, (x, still), (table[0], table[1]), unroll=self.unroll)
-            return total
 
-        if isinstance(self.substeps, int) and self.substeps == 1:
-            return one(state, jnp.zeros_like(t0))
-        return jax.lax.fori_loop(0, self.substeps, lambda i, x: one(x, i.astype(t0.dtype)), state)
+class Stages(NamedTuple):
+    """Where a Runge-Kutta step asks for slopes; the first axis counts them.
+
+    Attributes:
+        ts: Times.
+        states: States, any PyTrees of arrays.
+        us: Inputs.
+    """
+
+    ts: Float[Array, " 4"]
+    states: PyTree
+    us: Float[Array, "4 m"]
 
 
 @final

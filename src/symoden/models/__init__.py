@@ -18,6 +18,7 @@ from ._known_data import (
     known_magnitudes as known_magnitudes,
     parameter_units as parameter_units,
 )
+from ._lagrangian import Lagrangian as Lagrangian, Tangent as Tangent, lagrangian as lagrangian, pull_back as pull_back
 from ._scales import Scales as Scales
 from ._structured import StructuredModel as StructuredModel
 from ._unstructured import UnstructuredModel as UnstructuredModel
@@ -29,10 +30,12 @@ __all__ = [
     "Given",
     "Kind",
     "KnownMagnitudes",
+    "Lagrangian",
     "ModelConfig",
     "NaiveModel",
     "Scales",
     "StructuredModel",
+    "Tangent",
     "UnstructuredModel",
     "awaken",
     "build",
@@ -42,9 +45,11 @@ __all__ = [
     "energies_are_given",
     "given_parts",
     "known_magnitudes",
+    "lagrangian",
     "load",
     "parameter_units",
     "parts_that_fix_the_scale",
+    "pull_back",
     "rescale",
     "save",
 ]

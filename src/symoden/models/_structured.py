@@ -20,8 +20,15 @@ from symoden.spaces import Space
 _Method = TypeVar("_Method", bound=Callable)
 
 
-def _traced_once(method: _Method) -> _Method:
-    """The method as a program of its own, which JAX traces and differentiates once for all that compute with it."""
+def traced_once(method: _Method) -> _Method:
+    """The method as a program of its own, which JAX traces and differentiates once for all that compute with it.
+
+    Args:
+        method: The method.
+
+    Returns:
+        The program.
+    """
     # Tracing is half of the time that programs take until they run (`benchmarks/`), and a vector field asks for M⁻¹
     # several times. Outside of programs it is one call instead of hundreds.
     return cast("_Method", eqx.filter_jit(method))
@@ -54,28 +61,28 @@ class StructuredModel(AbstractMechanical):
     friction: AbstractFriction
     parameters: Parameters | None = None
 
-    @_traced_once
+    @traced_once
     def inverse_mass_matrix(self, q: Coordinates) -> SquareMatrix:
         """Learned M⁻¹, or the inverse of the given M."""
         return with_parameters(self.inverse_mass, self.parameters)(q)
 
-    @_traced_once
+    @traced_once
     def mass_matrix(self, q: Coordinates) -> SquareMatrix:
         """Inverse of the learned M⁻¹, or the given M."""
         block = with_parameters(self.inverse_mass, self.parameters)
         return block.matrix(q) if isinstance(block, InverseBlock) else inverse_of_positive(block(q))
 
-    @_traced_once
+    @traced_once
     def potential_energy(self, q: Coordinates) -> Scalar:
         """Learned V, known up to a constant, or the given one."""
         return with_parameters(self.potential, self.parameters)(q)
 
-    @_traced_once
+    @traced_once
     def input_matrix(self, q: Coordinates) -> InputMatrix:
         """Learned or given g."""
         return with_parameters(self.actuation, self.parameters)(q)
 
-    @_traced_once
+    @traced_once
     def dissipation_matrix(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
         """Learned or given D."""
         return with_parameters(self.friction, self.parameters)(q, v)

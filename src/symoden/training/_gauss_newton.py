@@ -15,21 +15,18 @@ from jaxtyping import Array, Float
 from threadpoolctl import threadpool_limits
 
 from symoden.mechanics import AbstractDynamics
-from symoden.shapes import Inputs, Scalar, State
 
 from ._flatten import Flattening, cast
 from ._objective import AbstractObjective, Batch, Objective
 from ._residuals import filled, find_starts, follow_starts, mean_square
-from ._starts import Found, project_out
-
-Parameters = Float[Array, " P"]
-Sensitivity = Float[Array, "s P"]
+from ._sensitivities import Parameters, linearize_rollout
+from ._starts import Found
 
 MOST_PARAMETERS: Final = 4000  # Beyond, matrices take gigabytes, and what is done with them in every step minutes.
 MOST_SOLVED: Final = 12_000  # Beyond, each of these matrices takes more than a gigabyte.
 
 _LARGEST_JACOBIAN = 2**23  # Entries of a block.
-_MOST_KEPT = 2**28  # Entries of all blocks.
+_MOST_KEPT = 2**28  # Entries of all blocks that are.
 _CACHED_WINDOWS = 16  # They stay in the processor's cache (`benchmarks/`).
 _PINNED = 1e-5  # Relative standard deviation.
 _FEW_PARAMETERS: Final = 512  # Threads wait longer for each other than products of so few take.
@@ -92,67 +89,6 @@ def linearize(
 
     jacobian, found = jax.jacrev(residuals, has_aux=True)(theta)
     return found, jacobian
-
-
-def linearize_rollout(
-    restore: Callable[[Parameters], AbstractDynamics], theta: Parameters, objective: Objective, window: Batch
-) -> tuple[Float[Array, " r"], Float[Array, "r P"]]:
-    """Residuals of one window and their Jacobian, by integrating the sensitivity S = ∂x/∂θ beside the state.
-
-    Ṡ = (∂f/∂x) S + ∂f/∂θ is integrated by the solver of the state, which gives the exact derivative of a Runge-Kutta
-    rollout. Its cost grows linearly with the horizon, where one reverse pass per residual grows quadratically.
-    Where starts are free, they follow the parameters.
-
-    Args:
-        restore: Makes the dynamics from flat parameters.
-        theta: Flat parameters.
-        objective: How rollouts are compared with windows.
-        window: One window.
-
-    Returns:
-        Residuals, sample by sample, and their derivatives by the parameters.
-    """
-
-    def field(t: Scalar, pair: tuple[State, Sensitivity], u: Inputs) -> tuple[State, Sensitivity]:
-        state, sensitivity = pair
-
-        def derivative(state: State, theta: Parameters) -> State:
-            return restore(theta).derivative(t, state, u)
-
-        rate, pullback = jax.vjp(derivative, state, theta)
-        by_state, by_theta = jax.vmap(pullback)(jnp.eye(state.shape[0], dtype=state.dtype))
-        return rate, by_state @ sensitivity + _padded(by_theta, sensitivity.shape[1] - by_theta.shape[1])
-
-    def step(pair: tuple[State, Sensitivity], sample: tuple) -> tuple:
-        after = objective.solver.step(field, pair, *sample)
-        return after, after
-
-    def observe(state: State, theta: Parameters) -> Array:
-        return restore(theta).observe(state)
-
-    def encode(theta: Parameters, start: Array) -> State:
-        return restore(theta).encode(*jnp.split(start, 2))
-
-    first = encode(theta, window.start)
-    by_theta, by_start = jax.jacrev(encode, argnums=(0, 1))(theta, window.start)
-    freed = by_start if objective.frees_starts else by_start[:, :0]  # More columns of the sensitivity.
-    start = (first, jnp.concatenate([by_theta, freed], axis=1))
-    _, after = jax.lax.scan(step, start, (window.ts[:-1], window.ts[1:], *objective.hold(window.us)))
-    states, sensitivities = jax.tree.map(lambda x, rest: jnp.concatenate([x[None], rest]), start, after)
-    by_state, by_theta = jax.vmap(jax.jacrev(observe, argnums=(0, 1)), in_axes=(0, None))(states, theta)
-    dynamics = restore(theta)
-    residuals = objective.compare(dynamics, jax.vmap(dynamics.observe)(states), window)
-    rows = objective.row_weights(window.ts.shape[0]).astype(theta.dtype)
-    jacobian = by_state @ sensitivities + _padded(by_theta, freed.shape[1])
-    jacobian = objective.whitened(rows[:, :, None] * jacobian[-len(rows) :]).reshape(residuals.size, -1)
-    if objective.frees_starts:
-        jacobian = project_out(jacobian[:, theta.size :], jacobian[:, : theta.size])
-    return residuals.ravel(), jacobian
-
-
-def _padded(derivative: Float[Array, "... P"], columns: int) -> Float[Array, "... Q"]:
-    """A derivative by the parameters as one by these and the start, on which it does not depend."""
-    return jnp.pad(derivative, [(0, 0)] * (derivative.ndim - 1) + [(0, columns)])
 
 
 @eqx.filter_jit
@@ -268,7 +204,7 @@ class Linearization:
         return restore, theta, objective, windows
 
     def _blocks(self) -> Iterator[tuple[slice, Float[np.ndarray, "b r P"]]]:
-        """Every block and its windows; they are kept for the next time as long as they fit into memory."""
+        """Every block and its windows; as many as fit into memory are kept for the next time."""
         total, *rest = self.found.residuals.shape
         rows = math.prod(rest)
         chunk = self.chunk or min(_CACHED_WINDOWS, max(1, _LARGEST_JACOBIAN // (rows * self.theta.size)))
@@ -278,7 +214,7 @@ class Linearization:
             if some.stop < total:  # Computed while what is made of this one is.
                 ahead = self._begin(some.stop, chunk, total)
             block = np.asarray(begun)[: some.stop - start]
-            if total * rows * self.theta.size <= _MOST_KEPT:
+            if some.stop * rows * self.theta.size <= _MOST_KEPT:
                 self._kept[start] = block
             yield some, block
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from symoden.blocks import without_silent
 from symoden.mechanics import AbstractDynamics
+from symoden.models import lagrangian
 
 from ._objective import AbstractObjective, Batch
 from ._starts import Found, find_start, follow_start
@@ -35,7 +36,7 @@ def find_starts(dynamics: AbstractDynamics, objective: AbstractObjective, batch:
     Returns:
         The windows with those starts, and their residuals.
     """
-    lean = without_silent(dynamics)
+    lean = lagrangian(without_silent(dynamics))
     return _block_by_block(lambda some: _find(lean, objective, some), batch)
 
 
@@ -56,7 +57,7 @@ def follow_starts(
     Returns:
         The residuals of every window.
     """
-    lean = without_silent(dynamics)
+    lean = lagrangian(without_silent(dynamics))
     return _block_by_block(lambda some: _follow(lean, objective, *some), (batch, inverse))
 
 
@@ -114,7 +115,7 @@ def integration_error(
         Mean of the squared differences; infinite where the coarse solver lets an error of a start grow `_UNSTABLE`
         times as much as the fine one does, or beyond `_LOST`.
     """
-    lean = without_silent(dynamics)
+    lean = lagrangian(without_silent(dynamics))
     spreads = [_block_by_block(partial(_spread, lean, each), batch) for each in (coarse, fine)]
     (one, grown), (other, expected) = jax.tree.map(lambda x: np.asarray(x, float), spreads)
     with np.errstate(over="ignore", invalid="ignore"):
