@@ -190,6 +190,22 @@ def test_an_ensemble_stands_in_for_the_machine(arm, tmp_path, capsys):
     assert "on 2 of the ensemble's models" in capsys.readouterr().out
 
 
+def test_an_input_of_which_the_data_tell_nothing_is_named_where_that_was_found_out(arm, tmp_path, monkeypatch):
+    run = write_untrained_run(tmp_path / "run", arm)
+    named = []
+    monkeypatch.setattr(_control, "posterior_of", lambda *_: "posterior")
+    monkeypatch.setattr(_control, "name_untold_inputs", lambda *given: named.append(given[-1]))
+    words = ["control", str(run), "--target", "0.5", *QUICK]
+    assert main(words) == 0
+    assert named == []
+    (run / "posterior.safetensors").touch()
+    assert main(words) == 0
+    assert named == ["posterior"]
+    arm.unlink()  # Without the data nothing is found out.
+    assert main(words) == 0
+    assert named == ["posterior"]
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -1,5 +1,6 @@
 """`symoden control`."""
 
+import contextlib
 import math
 import sys
 from collections.abc import Iterator
@@ -25,11 +26,13 @@ from symoden.experiments import (
 from symoden.mechanics import AbstractDynamics
 from symoden.storage import write_atomically
 from symoden.systems import Machine
+from symoden.training import POSTERIOR, AbstractPosterior
 from symoden.units import titled
 from symoden.wording import LEARNED
 
 from ._arguments import Control
 from ._figure import save_figure
+from ._learned import name_untold_inputs, own_source, posterior_of
 from ._output import number, print_json, print_table
 from ._words import name_unfinished
 
@@ -82,7 +85,20 @@ def _learned(
         low, high = data.ranges.positions[i]
         if said := hardly_moves(data.position_names[i], high - low):
             print(f"warning: {said}", file=sys.stderr)
+    _name_untold_inputs(command.run, model, config, ensemble)
     return machine, plants
+
+
+def _name_untold_inputs(
+    run: Path, model: AbstractDynamics, config: RunConfig, ensemble: AbstractPosterior | None
+) -> None:
+    """Say which inputs do nothing that the data tell, where another command has found out how certain the model is."""
+    posterior = ensemble
+    if posterior is None and (run / POSTERIOR).is_file():
+        with contextlib.suppress(ValueError, OSError):  # The data may be elsewhere by now.
+            posterior = posterior_of(run, model, config, own_source(config).dataset)
+    if posterior is not None:
+        name_untold_inputs(run, model, config, posterior)
 
 
 def hardly_moves(name: str, way: float) -> str:
