@@ -111,7 +111,6 @@ def _as_json(found: Inspection, audited: dict[str, object], certain: dict[str, o
         "parameters": found.parameters,
         "anchor": found.anchor,
         "given": found.given,
-        "cyclic": found.cyclic,
         "identified": found.identified,
         "mass_matrix_eigenvalues": extremes(found.mass_matrix_eigenvalues),
         "dissipation_eigenvalues": extremes(found.dissipation_eigenvalues),
