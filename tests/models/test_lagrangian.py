@@ -1,5 +1,7 @@
 """Lagrange's equations beside Hamilton's: the same motion, and the same derivatives as by plain differentiation."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,9 +12,11 @@ from symoden.integrate import HOLDS, RK4
 from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, Lagrangian, ModelConfig, build, lagrangian
 from symoden.spaces import Space
-from symoden.training._flatten import Flattening
+from symoden.training._flatten import Flattening, cast
 from symoden.training._gauss_newton import linearize
 from symoden.training._objective import Batch, Objective
+from symoden.training._residuals import evaluate_loss
+from symoden.training._weak_form import WeakForm
 
 SMALL = BlockConfig(hidden=(3,))
 LEARNED = ModelConfig(inverse_mass=BlockConfig(hidden=(3,), harmonics=True), potential=SMALL, actuation=SMALL)
@@ -54,11 +58,13 @@ def made(name, config=LEARNED):
             potential_energy="a * cos(q3)",
             parameters={"a": 0.5},
         ),
+        "corrected": KnownParts(robot=robot(), correct=("mass_matrix", "potential_energy")),
+        "cyclic": KnownParts(cyclic=("q2",)),
     }
     return build(config, space, 2, known=known.get(name), key=jax.random.key(0))
 
 
-NAMES = ("learned", "robot", "formulas")
+NAMES = ("learned", "robot", "formulas", "corrected", "cyclic")
 
 
 @pytest.fixture(params=NAMES)
@@ -120,6 +126,26 @@ def test_the_jacobian_of_a_window_is_that_of_plain_differentiation(model, moment
     close(r, residuals(theta, window.start), 1e-12)
     close(J, by_theta, 1e-9)
     assert np.abs(by_theta).max() > 1e-3
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_runs_in_the_precision_of_its_numbers(name, scrambled):
+    x, u = state(0)
+    model = scrambled(made(name), 1, 0.3)
+    single, double = (cast((lagrangian(model), 0 * x[0], x, u), dtype) for dtype in (jnp.float32, jnp.float64))
+    other: Any = lagrangian(cast(model, jnp.float32))
+    slope = other.derivative(*single[1:])
+    assert slope.dtype == jnp.float32
+    close(slope, model.derivative(*double[1:]), 1e-3)
+
+
+def test_a_regression_of_the_equations_of_motion_asks_for_the_energy(model):
+    generator = np.random.default_rng(3)
+    ts, channels = 0.02 * jnp.arange(9.0), model.space.size
+    q, rates, us = (jnp.asarray(generator.normal(size=(1, 9, k))) for k in (3, 3, 2))
+    batch = Batch(ts[None], q, rates, us, jnp.concatenate([q[:, 0], rates[:, 0]], axis=1))
+    loss = evaluate_loss(model, WeakForm(jnp.ones(channels), HOLDS["zero"]), batch)
+    assert np.isfinite(loss)
 
 
 def test_other_models_stay_as_they_are():

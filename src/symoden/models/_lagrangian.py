@@ -142,7 +142,8 @@ def lagrangian(dynamics: _Dynamics) -> _Dynamics | Lagrangian:
         return dynamics
     if dynamics.space.size < _MANY:
         return dynamics
-    still = jax.ShapeDtypeStruct((dynamics.space.size,), float)
+    numbers = jax.tree.leaves(eqx.filter(dynamics, eqx.is_inexact_array))
+    still = jax.ShapeDtypeStruct((dynamics.space.size,), jnp.result_type(*numbers) if numbers else float)
     friction = eqx.filter_eval_shape(lambda q: dynamics.dissipation_matrix(q, q), still)
     return Lagrangian.of(dynamics) if friction.shape[0] == dynamics.space.size else dynamics
 

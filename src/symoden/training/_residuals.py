@@ -14,7 +14,7 @@ from symoden.blocks import without_silent
 from symoden.mechanics import AbstractDynamics
 from symoden.models import lagrangian
 
-from ._objective import AbstractObjective, Batch
+from ._objective import AbstractObjective, Batch, Objective
 from ._starts import Found, find_start, follow_start
 
 _ITERATIONS = 3
@@ -36,7 +36,7 @@ def find_starts(dynamics: AbstractDynamics, objective: AbstractObjective, batch:
     Returns:
         The windows with those starts, and their residuals.
     """
-    lean = lagrangian(without_silent(dynamics))
+    lean = _lean(dynamics, objective)
     return _block_by_block(lambda some: _find(lean, objective, some), batch)
 
 
@@ -57,7 +57,7 @@ def follow_starts(
     Returns:
         The residuals of every window.
     """
-    lean = lagrangian(without_silent(dynamics))
+    lean = _lean(dynamics, objective)
     return _block_by_block(lambda some: _follow(lean, objective, *some), (batch, inverse))
 
 
@@ -115,12 +115,18 @@ def integration_error(
         Mean of the squared differences; infinite where the coarse solver lets an error of a start grow `_UNSTABLE`
         times as much as the fine one does, or beyond `_LOST`.
     """
-    lean = lagrangian(without_silent(dynamics))
+    lean = _lean(dynamics, coarse)
     spreads = [_block_by_block(partial(_spread, lean, each), batch) for each in (coarse, fine)]
     (one, grown), (other, expected) = jax.tree.map(lambda x: np.asarray(x, float), spreads)
     with np.errstate(over="ignore", invalid="ignore"):
         stable = np.all(grown <= np.minimum(_UNSTABLE * expected, _LOST))
         return mean_square(one - other) if stable else math.inf
+
+
+def _lean(dynamics: AbstractDynamics, objective: AbstractObjective) -> AbstractDynamics:
+    """The same dynamics, of which no more is computed than the objective needs."""
+    lean = without_silent(dynamics)
+    return lagrangian(lean) if isinstance(objective, Objective) else lean  # What rolls nothing out asks for H.
 
 
 def filled(start: int, size: int, total: int) -> Int[np.ndarray, " s"]:
