@@ -109,7 +109,6 @@ def test_energy_that_is_not_accounted_for_is_named(residual, said):
 )
 def test_an_inertia_that_no_rigid_body_has_is_named(inertia, coordinates, given, said):
     found = Inspection(
-        cyclic=(),
         space=f"T{coordinates}",
         position_units=("rad",) * coordinates,
         parameters=10,

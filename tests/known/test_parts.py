@@ -25,6 +25,11 @@ def test_numbers_arrays_and_formulas_come_into_one_form():
     assert KnownParts(mass_matrix=lambda q: q).formulas("mass_matrix") is None
 
 
+def test_what_runs_are_told_apart_by_stays_what_it_was_without_cyclic_coordinates():
+    assert "cyclic" not in known().fingerprint
+    assert len({known(cyclic=cyclic).fingerprint for cyclic in ((), ("q2",), ("q3",))}) == 3
+
+
 BAD = [
     ({"mass_matrix": []}, r"`mass_matrix` must be a list of rows"),
     ({"mass_matrix": [["m", "l"], ["l"]]}, r"rows of equal length; got \[2, 1\]"),

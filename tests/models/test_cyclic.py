@@ -132,8 +132,9 @@ def test_coordinates_that_are_not_there_or_that_a_function_depends_on_are_refuse
         made("default", "T2", ("q3",))
     q, v = np.random.default_rng(0).normal(size=(2, 20, 2))
     known = KnownParts(cyclic=("q1",), potential_energy=lambda q: jnp.cos(q[0]))
-    with pytest.raises(
-        ValueError, match=r"`potential_energy` must have a slope .* wherever q1 is, which `cyclic` names"
-    ):
+    with pytest.raises(ValueError, match=r"`potential_energy` must .* after q1 has moved, which `cyclic` names"):
         check_known(known, Space.parse("T2"), 0, q, v)
+    for falls in (lambda q: 9.81 * q[0], lambda q: jnp.cos(2 * jnp.pi * q[0]) + q[1]):
+        with pytest.raises(ValueError, match="which `cyclic` names"):
+            check_known(KnownParts(cyclic=("q1",), potential_energy=falls), Space.parse("R2"), 0, q, v)
     check_known(KnownParts(cyclic=("q2",), potential_energy=known.potential_energy), Space.parse("T2"), 0, q, v)

@@ -118,7 +118,6 @@ class Inspection:
         anchor: What fixes the scale of inertia, energy and friction.
         units: Units of M, V and D by letter, where those of the data are SI; empty where nothing fixes the scale.
         given: Parts that were given, and how much of them.
-        cyclic: Indices of the coordinates that nothing depends on, by what was given.
         identified: Values of the parameters of given formulas, by name.
         mass_matrix_eigenvalues: Least and largest over the data's range; None for a model without inertia.
         dissipation_eigenvalues: The same of D.
@@ -126,6 +125,7 @@ class Inspection:
         friction: Friction along every velocity.
         velocities: Largest velocities of states drawn from the data's range; None for a model without inertia.
         middle: Middle of the coordinates' range, which all profiles go through.
+        cyclic: Indices of the coordinates that nothing depends on, by what was given.
     """
 
     space: str
@@ -135,7 +135,6 @@ class Inspection:
     anchor: str
     units: dict[str, str]
     given: dict[str, Given]
-    cyclic: tuple[int, ...]
     identified: dict[str, float]
     mass_matrix_eigenvalues: tuple[float, float] | None
     dissipation_eigenvalues: tuple[float, float] | None
@@ -143,6 +142,7 @@ class Inspection:
     friction: tuple[FrictionProfile, ...]
     velocities: Float[np.ndarray, " n"] | None
     middle: Float[np.ndarray, " n"]
+    cyclic: tuple[int, ...] = ()
 
 
 def inspect_model(

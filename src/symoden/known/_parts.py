@@ -69,7 +69,7 @@ class KnownParts:
     constants: Mapping[str, float | int] = field(default_factory=dict)
     parameters: Mapping[str, float | int] = field(default_factory=dict)
     correct: tuple[str, ...] = ()
-    cyclic: tuple[str, ...] = ()
+    cyclic: tuple[str, ...] = field(default=(), repr=False)  # Fingerprints without any stay what they were.
 
     def __post_init__(self) -> None:
         """Bring every formula into one form, and refuse what cannot be meant."""
@@ -114,7 +114,8 @@ class KnownParts:
     def fingerprint(self) -> str:
         """Text that tells these parts from others, and is the same in every process, also where parts are functions."""
         functions = [part for part in (getattr(self, name) for name in PARTS) if callable(part)]
-        return "".join([without_addresses(self), *map(code_of, functions)]) if functions else repr(self)
+        told = "".join([without_addresses(self), *map(code_of, functions)]) if functions else repr(self)
+        return f"{told} cyclic: {', '.join(self.cyclic)}" if self.cyclic else told
 
     def formulas(self, name: str) -> tuple[str, ...] | None:
         """Formulas of a part, row by row; None where it is a Python function, a robot's or not given.

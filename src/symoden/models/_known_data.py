@@ -10,12 +10,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.blocks import with_parameters
-from symoden.known import KnownParts
+from symoden.known import PARTS, KnownParts
 from symoden.spaces import Space
 
 from ._known import KnownBlocks, known_blocks
 
 _STATES: Final = 512
+_FAR: Final = (np.sqrt(2), 10 * np.pi / 7)  # No period that anybody writes down fits into both.
 _SLACK: Final = 1e-6  # Relative: formulas may have been rounded, and run in single precision.
 
 
@@ -59,8 +60,7 @@ def check_known(known: KnownParts, space: Space, inputs: int, q: np.ndarray, v: 
     blocks = known_blocks(known, space, inputs)
     q, v = _some(q), _some(v)
     values = _values(blocks, jnp.asarray(q, float), jnp.asarray(v, float))
-    names = ("mass_matrix", "potential_energy", "input_matrix", "dissipation_matrix")
-    for name, value in zip(names, values, strict=True):
+    for name, value in zip(PARTS, values, strict=True):
         if value is not None:
             _refuse(name, np.logical_not(np.isfinite(value).reshape(len(q), -1).all(axis=1)), q, v, "finite")
     for name, matrices, definite in (
@@ -72,19 +72,16 @@ def check_known(known: KnownParts, space: Space, inputs: int, q: np.ndarray, v: 
             _refuse(name, np.abs(X - X.swapaxes(1, 2)).max(axis=(1, 2)) > _SLACK, q, v, "symmetric")
             least = np.linalg.eigvalsh(X)[:, 0]
             _refuse(name, least <= _SLACK if definite == "definite" else least < -_SLACK, q, v, f"positive {definite}")
-    for i in range(space.size):
-        if f"q{i + 1}" in known.cyclic:
-            step, what = 1.0, f"the same wherever q{i + 1} is, which `cyclic` names"
-        elif space.is_angle[i]:
-            step, what = 2 * np.pi, f"the same after a turn of q{i + 1}"
-        else:
-            continue
-        moved = _values(blocks, jnp.asarray(q + step * np.eye(space.size)[i], float), jnp.asarray(v, float))
-        for name, here, there in zip(names, values, moved, strict=True):
-            if here is not None and there is not None:
-                one, other = (np.asarray(x, float).reshape(len(q), -1) for x in (here, there))
-                tolerance = 1e-3 * np.abs(one).max() + 1e-300
-                _refuse(name, np.abs(one - other).max(axis=1) > tolerance, q, v, what)
+    for i in np.flatnonzero(space.is_angle):
+        _refuse_change(blocks, values, q, v, step=2 * np.pi * np.eye(space.size)[i], what=f"a turn of q{i + 1}")
+    for i in (i for i in range(space.size) if f"q{i + 1}" in known.cyclic):
+        what = f"q{i + 1} has moved, which `cyclic` names"
+        for far in _FAR:
+            _refuse_change(blocks, values, q, v, step=far * np.eye(space.size)[i], what=what)
+        if values.slope is not None:
+            slope = np.abs(np.asarray(values.slope, float))
+            pulls = slope[:, i] > _SLACK * slope.max(initial=0.0)
+            _refuse("potential_energy", pulls, q, v, f"zero along q{i + 1}, which `cyclic` names")
 
 
 def known_magnitudes(known: KnownParts, space: Space, q: np.ndarray, v: np.ndarray, us: np.ndarray) -> KnownMagnitudes:
@@ -213,6 +210,18 @@ def _slopes(
         return found
 
     return jax.jacfwd(forces)(parameters.theta)
+
+
+def _refuse_change(
+    blocks: KnownBlocks, values: _Values, q: np.ndarray, v: np.ndarray, *, step: np.ndarray, what: str
+) -> None:
+    """Refuse a part that is not the same some way on."""
+    moved = _values(blocks, jnp.asarray(q + step, float), jnp.asarray(v, float))
+    for name, here, there in zip(PARTS, values, moved, strict=True):
+        if here is not None and there is not None:
+            one, other = (np.asarray(x, float).reshape(len(q), -1) for x in (here, there))
+            tolerance = 1e-3 * np.abs(one).max() + 1e-300
+            _refuse(name, np.abs(one - other).max(axis=1) > tolerance, q, v, f"the same after {what}")
 
 
 def _refuse(name: str, unfit: np.ndarray, q: np.ndarray, v: np.ndarray, what: str) -> None:
