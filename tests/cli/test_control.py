@@ -201,8 +201,12 @@ def test_an_input_of_which_the_data_tell_nothing_is_named_where_that_was_found_o
     (run / "posterior.safetensors").touch()
     assert main(words) == 0
     assert named == ["posterior"]
-    arm.unlink()  # Without the data nothing is found out.
-    assert main(words) == 0
+    copy = arm.with_name("gone.toml")
+    copy.write_text(arm.read_text())
+    run = write_untrained_run(tmp_path / "other", copy)
+    (run / "posterior.safetensors").touch()
+    copy.unlink()  # Without the data nothing is found out.
+    assert main(["control", str(run), *words[2:]]) == 0
     assert named == ["posterior"]
 
 
