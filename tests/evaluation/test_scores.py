@@ -16,7 +16,6 @@ from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
 from symoden.systems import CartPole, Pendulum
 
-FINE = RK4(16)
 TRUTH = Pendulum(damping=0.2)
 PLAIN = BlockConfig(constant=True)
 SMALL = {"inverse_mass": PLAIN, "potential": BlockConfig(hidden=(4,)), "flow": (8,), "energy": (8,)}

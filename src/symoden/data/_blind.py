@@ -212,7 +212,7 @@ def _columns(
     """How far the samples of every log stand out; what is usual at a speed is told by all together."""
     places, off, steps, speeds = [], [], [], []
     for ts, q in paths:
-        smooth = unwrapped(q[:, None])[:, 0] if is_angle else q
+        smooth = unwrapped(q[:, None], np.array([is_angle]))[:, 0]
         place = np.floor((np.mod(q - low, TURN) if is_angle else q - low) / width).astype(int)
         places.append(np.clip(place, 0, _SECTORS - 1))
         found, weights = deviations(ts, smooth)

@@ -103,19 +103,12 @@ class Facts:
     @property
     def way(self) -> np.ndarray:
         """Positions (T, n), angles without jumps by a turn."""
-        return _without_jumps(self.q, self.is_angle)
+        return unwrapped(self.q, self.is_angle)
 
     @property
     def channels(self) -> tuple[ChannelFacts, ...]:
         """Facts of every column."""
         return self.positions + self.rates + self.inputs
-
-
-def _without_jumps(q: np.ndarray, is_angle: np.ndarray) -> np.ndarray:
-    """Positions with angles unwrapped, for a fast one jumps in every third block."""
-    way = q.copy()
-    way[:, is_angle] = unwrapped(q[:, is_angle])
-    return way
 
 
 def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: np.ndarray) -> Facts | None:
@@ -138,7 +131,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
     rates = None if log.rates is None else log.rates[rows]
     v = rates if description.momenta is None else None
     longest = longest_step(np.diff(ts), resample=description.resample)
-    ways = _without_jumps(q, is_angle)
+    ways = unwrapped(q, is_angle)
     positions = tuple(
         dataclasses.replace(one, moving=_share_moving(ts, way, one.accuracy, longest))
         for one, way in zip(_channels(ts, q, log, "position", longest, smooth=ways), ways.T, strict=True)

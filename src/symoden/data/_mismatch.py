@@ -239,11 +239,12 @@ def _round(size: float) -> float:
 
 def _real_velocity(facts: Facts, i: int) -> str | None:
     """Name of another coordinate's velocity that is the derivative of position i."""
+    way = facts.way[:, i]
     for j, rate in enumerate(facts.rates):
         if j == i or facts.v is None:
             continue
         accuracy = facts.positions[i].accuracy, rate.accuracy
-        other = velocity_ratio(facts.ts, facts.way[:, i], facts.v[:, j], longest=facts.longest, accuracy=accuracy)
+        other = velocity_ratio(facts.ts, way, facts.v[:, j], longest=facts.longest, accuracy=accuracy)
         if other.known and other.misfit < _ELSEWHERE and abs(other.factor - 1) < AGREES:
             return rate.name
     return None

@@ -82,7 +82,7 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     if len(rows) < 3 * len(_OFFSETS):
         return ()
     ts, q = log.ts[rows], log.q[rows]
-    q[:, is_angle] = unwrapped(q[:, is_angle])
+    q = unwrapped(q, is_angle)
     slopes = np.diff(q, axis=0) / np.diff(ts)[:, None]
     signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
     found = []
@@ -142,21 +142,23 @@ def _straight(
     return np.where(steps < _FAR, signal[near] + steps * (signal[near] - signal[far]), np.inf)
 
 
-def unwrapped(q: Signals) -> Signals:
-    """Angles without jumps by a turn.
+def unwrapped(q: Signals, is_angle: np.ndarray) -> Signals:
+    """Positions whose angles do not jump by a turn.
 
     Those of several turns are not wrapped to one, and may be degrees taken for rad: their jumps are of 360.
 
     Args:
-        q: One column per angle.
+        q: One column per coordinate.
+        is_angle: Whether each is an angle.
 
     Returns:
-        The angles.
+        The positions.
     """
-    low, high = np.quantile(q, (0.01, 0.99), axis=0)
-    turns = np.where(high - low > _SEVERAL, _DEGREES, TURN)
-    columns = [np.unwrap(column, period=period) for column, period in zip(q.T, turns, strict=True)]
-    return np.stack(columns, axis=1) if columns else q
+    way = q.copy()
+    for i in np.flatnonzero(is_angle):
+        low, high = np.quantile(q[:, i], (0.01, 0.99))
+        way[:, i] = np.unwrap(q[:, i], period=_DEGREES if high - low > _SEVERAL else TURN)
+    return way
 
 
 def _confirmed(rates: np.ndarray, off: np.ndarray, slopes: np.ndarray, alone: np.ndarray) -> np.ndarray:

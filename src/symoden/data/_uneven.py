@@ -41,8 +41,7 @@ def find_uneven(log: Log, is_angle: np.ndarray) -> list[Finding]:
     mean = float(usual.mean())
     if np.std(usual) < _JITTER * mean:
         return []
-    q[:, is_angle] = unwrapped(q[:, is_angle])
-    moving = [one for one in q.T if np.median(np.abs(np.diff(one))) > _COUNTS * quantum(one)]
+    moving = [one for one in unwrapped(q, is_angle).T if np.median(np.abs(np.diff(one))) > _COUNTS * quantum(one)]
     if not moving:
         return []
     stamped, even = (np.array([_left(at, one) for one in moving]) for at in (ts, mean * np.arange(len(ts))))
