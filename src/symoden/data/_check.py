@@ -10,6 +10,7 @@ import numpy as np
 
 from ._arrivals import find_arrivals
 from ._clocks import find_other_clocks
+from ._contradictions import find_contradictions
 from ._copies import find_copies
 from ._description import Description, read_description
 from ._errors import DataError
@@ -171,7 +172,7 @@ def _assembled(
         return [refusal(error)]
     late = find_late_inputs(dataset, description.input_delay, is_angle)
     inputs = *find_feedback(dataset, is_angle), *(late or find_other_hold(dataset, is_angle))
-    signs = find_input_signs(dataset, description, is_angle)
+    signs = *find_input_signs(dataset, description, is_angle), *find_contradictions(dataset, is_angle)
     return [*find_copies(logs), *find_short(dataset, is_angle), *find_fast_sampling(dataset, is_angle), *inputs, *signs]
 
 

@@ -282,7 +282,7 @@ def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mappin
         if not is_named(column, selectors):
             raise DataError(
                 f"`{path}`: `{key}` must name columns that are read, which are {listing(read)}; got `{column}`. Spell "
-                "both as the files do."
+                "it there, or in the key that reads it, as the files do."
             )
 
 

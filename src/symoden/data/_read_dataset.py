@@ -9,6 +9,7 @@ import numpy as np
 
 from ._arrivals import find_arrivals
 from ._clocks import find_other_clocks
+from ._contradictions import find_contradictions
 from ._copies import find_copies
 from ._dataset import Dataset
 from ._description import Description, read_description
@@ -65,7 +66,8 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
-    for finding in (*find_copies(logs), *find_input_signs(dataset, description, is_angle)):
+    contradictions = find_contradictions(dataset, is_angle)
+    for finding in (*find_copies(logs), *find_input_signs(dataset, description, is_angle), *contradictions):
         warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
 

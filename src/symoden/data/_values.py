@@ -152,7 +152,10 @@ def _delays(value: object) -> tuple[float, ...]:
         if isinstance(item, int | float) and _is_number(item) and item >= 0
     ]
     if not seconds or len(seconds) != (len(value) if isinstance(value, list) else 1):
-        _fail("a number of seconds, at least 0, or a list of one each")
+        _fail(
+            "a number of seconds, at least 0, or a list of one each; where inputs seem to act before their row, "
+            "positions are late: `position_delay`"
+        )
     return tuple(seconds)
 
 
