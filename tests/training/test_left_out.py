@@ -1,4 +1,4 @@
-"""Where hardly any windows validate, models of few numbers are judged by windows that are left out in turn."""
+"""Where few windows validate, models of few numbers are judged by windows that are left out in turn."""
 
 import dataclasses
 from typing import Any
@@ -147,12 +147,21 @@ def test_it_is_for_given_energies_and_few_windows_of_validation(resting, prepare
     assert {stage.margin for stage in stages if stage.name.startswith("longer windows")} == {-CHANCE}
     free = dataclasses.replace(resting, known=None)
     assert not levenberg_data(held, _prepare(free, MODEL, CONFIG)[1].model, CONFIG).in_turn
+    assert not levenberg_data(dataclasses.replace(held, validation=()), model, CONFIG).in_turn
+
+
+@pytest.mark.parametrize(("count", "in_turn"), [(5, True), (6, True), (7, False)])
+def test_more_windows_judge_longer_ones_and_many_judge_all(prepared, count, in_turn):
+    held, model, _ = prepared
     size = len(held.validation[0])
-    pieces = tuple(held.train[0].cut(size * k, size * (k + 1), name=f"piece{k}") for k in range(5))
-    many: list[Any] = _prepare(dataclasses.replace(held, validation=pieces), MODEL, CONFIG)[0]
+    starts = [k * size // 2 for k in range(count)]
+    pieces = tuple(held.train[0].cut(start, start + size, name=f"piece{start}") for start in starts)
+    judged = dataclasses.replace(held, validation=pieces)
+    data = levenberg_data(judged, model, CONFIG)
+    assert (data.held_out.ts.shape[0], data.in_turn) == (2 * count, in_turn)  # Two windows a piece.
+    assert not any(each.in_turn for each in longer_data(judged, model, data, CONFIG))
+    many: list[Any] = _prepare(judged, MODEL, CONFIG)[0]
     assert {stage.margin for stage in many if stage.name.startswith("longer windows")} == {-CLEAR}
-    for enough in (dataclasses.replace(held, validation=pieces), dataclasses.replace(held, validation=())):
-        assert not levenberg_data(enough, model, CONFIG).in_turn
 
 
 def test_longer_windows_may_be_few_where_energies_are_given(prepared, resting):

@@ -1,4 +1,4 @@
-"""Windows left out in turn: what judges models of few numbers where hardly any windows validate."""
+"""Windows left out in turn: what judges models of few numbers where few windows validate."""
 
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
