@@ -145,7 +145,8 @@ def poor(recordings: Sequence[RecordingScore], *, among: Sequence[RecordingScore
         )
     return (
         f"{said} An input that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a "
-        "wrong `input_matrix`: `symoden data check` cannot see all of that."
+        "wrong `input_matrix`, or equations or start values under `[known]` that are far off: `symoden data check` "
+        "cannot see all of that."
     )
 
 
