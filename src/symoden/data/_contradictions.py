@@ -20,6 +20,7 @@ _SHARE: Final = (
 _TOLD: Final = 4.0  # The same where the others are explained by a file of another unit.
 _TURNED: Final = 3.0  # Between this factor and its inverse, negative, an input is turned round; 0.3 to 2.8 are alike.
 _OTHER_UNIT: Final = 30.0  # Times as much, or as little, comes of no motion: a degree is 57, a centimetre 100.
+_INVERSE: Final = 10.0  # Between this and its inverse a factor there and back is one: noise makes both too small.
 _MANY: Final = 2  # Bumps for each number of a regression.
 _NAMED: Final = 3
 
@@ -126,7 +127,8 @@ def _contradicting(files: _Files) -> dict[str, _Answer]:
         if answer.contradicts.any():  # By what inputs do there, the others must contradict it, too.
             back = _answer(parts, others, scale)
             told = np.where(answer.factor < 0, back.contradicts, back.differs & (back.clear > _TOLD))
-            alike = told & (np.sign(back.factor) == np.sign(answer.factor))
+            there_and_back = answer.factor * back.factor
+            alike = told & (there_and_back > 1 / _INVERSE) & (there_and_back < _INVERSE)
             answer = answer._replace(clear=np.where(alike, answer.clear, 0.0))
         found[name] = answer
     return {name: answer for name, answer in found.items() if answer.contradicts.any()}
