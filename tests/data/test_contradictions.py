@@ -1,12 +1,14 @@
 """A file in which an input does something else than in the others is named; files that agree are not."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
 
-from symoden.data import Dataset, DataWarning, Trajectory, check_dataset, read_dataset
-from symoden.data._contradictions import find_contradictions
+from symoden.data import Dataset, DataWarning, Trajectory, _contradictions, check_dataset, read_dataset
+from symoden.data._bumps import bumps_of
+from symoden.data._contradictions import _Answer, _File, find_contradictions
 
 STEP, IS_ANGLE = 0.01, np.array([False, True])
 INVERSE = np.linalg.inv([[1.0, 0.3], [0.3, 0.5]])
@@ -117,3 +119,31 @@ def test_the_check_and_training_say_it(tmp_path):
     assert "`u` accelerates the mechanism in `b` (train) the other way round" in finding.text
     with pytest.warns(DataWarning, match="the other way round than in the other recordings"):
         read_dataset(path)
+
+
+@pytest.mark.parametrize(
+    ("there", "back", "named"),
+    [(-1.0, -1.0, True), (1e-3, 1e3, True), (1e-3, 300.0, True), (-0.0039, -0.6, False), (-0.033, -2.3, False)],
+)
+def test_what_a_file_says_of_the_others_must_be_the_inverse(monkeypatch, there, back, named):
+    """Where files have been in different places each may misjudge the other, but not by one factor."""
+    answers = itertools.cycle([there, back])
+
+    def answer(*_args):
+        return _Answer(np.array([next(answers)]), np.array([20.0]), np.array([0.9]))
+
+    monkeypatch.setattr(_contradictions, "_answer", answer)
+    carts = tuple(dataclasses.replace(each, us=each.us[:, :1]) for each in FILES[:2])
+    dataset = Dataset(name="d", space="R1 T1", train=carts, input_names=("u",))
+    assert bool(find_contradictions(dataset, IS_ANGLE)) == named
+
+
+def test_a_file_that_tells_little_but_turns_all_others_against_the_mean_is_the_odd_one(monkeypatch):
+    """Numbers a thousand times as large are all that a regression sees, whatever they tell by themselves."""
+    contradicting = _Answer(np.array([1e3]), np.array([20.0]), np.array([0.9]))
+    monkeypatch.setattr(
+        _contradictions, "_contradicting", lambda files: dict.fromkeys("ab", contradicting) if "c" in files else {}
+    )
+    file = _File.of(bumps_of(FILES[:1], IS_ANGLE, held=True))
+    odd, pair = _contradictions._odd_ones(dict.fromkeys("abcd", file))
+    assert (list(odd), odd["c"].factor.tolist(), pair) == (["c"], [1e-3], ())

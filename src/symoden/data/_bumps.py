@@ -51,6 +51,34 @@ class Bumps(NamedTuple):
         return np.einsum("bsm,bsa->bma", means, self.turning, optimize=True).reshape(len(at), -1)
 
 
+class Rows(NamedTuple):
+    """A regression of accelerations: recordings under bumps, one below another.
+
+    Attributes:
+        motion: ∫ w of what accelerates a mechanism beside its inputs.
+        pushed: ∫ w u dt, input by input, as it is and as it turns with each angle.
+        gained: ∫ w dv.
+    """
+
+    motion: Float[np.ndarray, "B k"]
+    pushed: Float[np.ndarray, "B l"]
+    gained: Float[np.ndarray, "B n"]
+
+
+def stacked(parts: Sequence[Bumps], delay: float = 0.0) -> Rows:
+    """Stack recordings.
+
+    Args:
+        parts: Recordings under bumps.
+        delay: How late the inputs act [s].
+
+    Returns:
+        One row for each bump.
+    """
+    motion, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
+    return Rows(motion, np.concatenate([part.pushed(delay) for part in parts]), gained)
+
+
 def bumps_of(recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: float = 0.0, held: bool) -> list[Bumps]:
     """Lay bumps (1 − x²)² on recordings, so many that a regression of accelerations may be asked.
 
@@ -88,8 +116,7 @@ def unexplained(parts: Sequence[Bumps], delay: float = 0.0) -> Float[np.ndarray,
     Returns:
         The squared residual of every bump, relative to the variance of all.
     """
-    motion, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
-    pushed = np.concatenate([part.pushed(delay) for part in parts])
+    motion, pushed, gained = stacked(parts, delay)
     left = unseen_residuals(np.concatenate([motion, pushed], axis=1), gained)
     return left**2 / np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
 

@@ -8,15 +8,13 @@ from jaxtyping import Bool, Float
 
 from symoden.wording import first_few
 
-from ._bumps import Bumps, bumps_of
+from ._bumps import Bumps, Rows, bumps_of, stacked
 from ._dataset import Dataset
 from ._findings import Finding
-from ._regression import RANK
+from ._regression import RANK, least_squares, sizes
 
 _CLEAR: Final = 8.0  # Standard errors: measured arms have 8 to 34 where an input is told.
-_SHARE: Final = (
-    0.3  # Of what is left without the input that it must explain: a factor of -5 on a measured arm has 0.28.
-)
+_SHARE: Final = 0.3  # Of what is left without it that an input must explain: -5 times on a measured arm has 0.28.
 _TOLD: Final = 4.0  # The same where the others are explained by a file of another unit.
 _TURNED: Final = 3.0  # Between this factor and its inverse, negative, an input is turned round; 0.3 to 2.8 are alike.
 _OTHER_UNIT: Final = 30.0  # Times as much, or as little, comes of no motion: a degree is 57, a centimetre 100.
@@ -24,7 +22,33 @@ _INVERSE: Final = 10.0  # Between this and its inverse a factor there and back i
 _MANY: Final = 2  # Bumps for each number of a regression.
 _NAMED: Final = 3
 
-_Files = Mapping[str, Sequence[Bumps]]
+
+class _File(NamedTuple):
+    """What tells of a file what inputs do in it.
+
+    Attributes:
+        rows: Its regression of accelerations.
+        spreads: Standard deviation of the accelerations of each of its recordings.
+        inputs: How many inputs there are.
+    """
+
+    rows: Rows
+    spreads: Float[np.ndarray, "r n"]
+    inputs: int
+
+    @classmethod
+    def of(cls, recordings: Sequence[Bumps]) -> "_File":
+        """Of the recordings of a file."""
+        spreads = np.stack([np.std(each.gained, axis=0) for each in recordings])
+        return cls(stacked(recordings), spreads, recordings[0].given.shape[1])
+
+    @property
+    def tells(self) -> bool:
+        """Whether it is long enough."""
+        return len(self.rows.motion) >= _MANY * (self.rows.motion.shape[1] + self.inputs)
+
+
+_Files = Mapping[str, _File]
 
 
 class _Answer(NamedTuple):
@@ -75,35 +99,41 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]
     for bumps in bumps_of(dataset.recordings, is_angle, held=dataset.hold == "zero"):
         name = f"`{bumps.recording.name.split('#')[0]}` ({parts[id(bumps.recording)]})"
         files.setdefault(name, []).append(bumps)
-    told = {name: parts for name, parts in files.items() if _tells(parts)}
+    every = {name: _File.of(recordings) for name, recordings in files.items()}
+    odd, pair = _odd_ones({name: file for name, file in every.items() if file.tells})
     words: dict[tuple[int, str], list[tuple[str, float]]] = {}
-    odd, pair = _odd_ones(told)
     for name, answer in odd.items():
         for j in np.flatnonzero(answer.contradicts):
             factor = float(answer.factor[j])
-            kind = "sign" if abs(np.log(abs(factor))) < np.log(_TURNED) else "unit"
+            kind = "unit" if abs(np.log(abs(factor))) > np.log(_OTHER_UNIT) else "sign"
             words.setdefault((int(j), kind), []).append((name, factor))
     return [_finding(dataset.input_names[j], kind, found, pair) for (j, kind), found in words.items()]
-
-
-def _tells(parts: Sequence[Bumps]) -> bool:
-    """Whether a file is long enough to tell what inputs do in it."""
-    rows = sum(len(part.samples) for part in parts)
-    return rows >= _MANY * (parts[0].motion.shape[1] + parts[0].given.shape[1])
 
 
 def _odd_ones(files: _Files) -> tuple[dict[str, _Answer], tuple[str, ...]]:
     """Files without which the others agree, and the last two where these do not, so that either may be wrong."""
     agree, odd = dict(files), {}
-    while said := _contradicting(agree):
+    said = _contradicting(agree)
+    while said:
         if len(agree) == 2:  # Two cannot outvote each other.
             first = next(iter(said))
             return odd | {first: said[first]}, tuple(agree)
-        left = {name: len(_contradicting({k: v for k, v in agree.items() if k != name})) for name in agree}
-        name = min(agree, key=lambda each: (left[each], each not in said))
+        name, left = _most_at_odds(agree, said)
         odd[name] = said.get(name) or _seen_from(list(said.values()))
         del agree[name]
+        said = left
     return odd, ()
+
+
+def _most_at_odds(files: _Files, said: Mapping[str, _Answer]) -> tuple[str, dict[str, _Answer]]:
+    """The file without which the fewest others contradict, and these."""
+    found: list[tuple[str, dict[str, _Answer]]] = []
+    for name in sorted(files, key=lambda each: each not in said):  # What contradicts comes before what does not.
+        left = _contradicting({other: file for other, file in files.items() if other != name})
+        found.append((name, left))
+        if not left:
+            break
+    return min(found, key=lambda each: len(each[1]))
 
 
 def _seen_from(answers: Sequence[_Answer]) -> _Answer:
@@ -117,15 +147,15 @@ def _contradicting(files: _Files) -> dict[str, _Answer]:
     """Files that contradict all others together."""
     if len(files) <= 1:
         return {}
-    every = [part for parts in files.values() for part in parts]
-    scale = np.median([np.std(part.gained, axis=0) for part in every], axis=0)
+    scale = np.median(np.concatenate([file.spreads for file in files.values()]), axis=0)
     scale = np.where(scale > 0, scale, 1.0)
     found = {}
-    for name, parts in files.items():
-        others = [part for other, rest in files.items() if other != name for part in rest]
-        answer = _answer(others, parts, scale)
+    for name, file in files.items():
+        rest = [other.rows for key, other in files.items() if key != name]
+        others = Rows(*(np.concatenate(each) for each in zip(*rest, strict=True)))
+        answer = _answer(others, file.rows, file.inputs, scale)
         if answer.contradicts.any():  # By what inputs do there, the others must contradict it, too.
-            back = _answer(parts, others, scale)
+            back = _answer(file.rows, others, file.inputs, scale)
             told = np.where(answer.factor < 0, back.contradicts, back.differs & (back.clear > _TOLD))
             there_and_back = answer.factor * back.factor
             alike = told & (there_and_back > 1 / _INVERSE) & (there_and_back < _INVERSE)
@@ -134,23 +164,22 @@ def _contradicting(files: _Files) -> dict[str, _Answer]:
     return {name: answer for name, answer in found.items() if answer.contradicts.any()}
 
 
-def _answer(others: Sequence[Bumps], parts: Sequence[Bumps], scale: Float[np.ndarray, " n"]) -> _Answer:
+def _answer(others: Rows, file: Rows, m: int, scale: Float[np.ndarray, " n"]) -> _Answer:
     """Compare what inputs do in a file with what they do by others; accelerations count beside their usual size."""
-    m = parts[0].given.shape[1]
-    motion, pushed, gained = _stacked(others)
-    effects = _solved(np.concatenate([motion, pushed], axis=1), gained / scale)[-pushed.shape[1] :]
-    motion, pushed, gained = _stacked(parts)
+    motion, pushed, gained = others
+    effects = least_squares(np.concatenate([motion, pushed], axis=1), gained / scale)[-pushed.shape[1] :]
+    motion, pushed, gained = file
     pushes = np.einsum("bja,jan->jbn", pushed.reshape(len(pushed), m, -1), effects.reshape(m, -1, len(scale)))
     rest = _Rest(motion)
     target = rest(gained / scale).ravel()
     pushes = np.stack([rest(each).ravel() for each in pushes], axis=1)
-    factor = _solved(pushes, target[:, None])[:, 0]
+    factor = least_squares(pushes, target[:, None])[:, 0]
     left = float(np.sum((target - pushes @ factor) ** 2))
     share, clear = np.zeros(m), np.zeros(m)
     freedom = max(1, len(target) - rest.rank * len(scale) - m)
     for j in range(m):
         others_alone = np.delete(pushes, j, axis=1)
-        own = pushes[:, j] - others_alone @ _solved(others_alone, pushes[:, [j]])[:, 0]
+        own = pushes[:, j] - others_alone @ least_squares(others_alone, pushes[:, [j]])[:, 0]
         explained = factor[j] ** 2 * float(own @ own)
         if explained > 0:
             share[j] = explained / (explained + left)
@@ -166,25 +195,12 @@ class _Rest:
     """
 
     def __init__(self, motion: Float[np.ndarray, "B k"]) -> None:
-        scaled = motion / np.maximum(np.abs(motion).max(axis=0), np.finfo(float).tiny)
-        U, s, _ = np.linalg.svd(scaled, full_matrices=False)
+        U, s, _ = np.linalg.svd(motion / sizes(motion), full_matrices=False)
         self._explained = U[:, s > RANK * s[0]]
         self.rank = self._explained.shape[1]
 
     def __call__(self, signals: Float[np.ndarray, "B n"]) -> Float[np.ndarray, "B n"]:
         return signals - self._explained @ (self._explained.T @ signals)
-
-
-def _stacked(parts: Sequence[Bumps]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Motion, pushes and gained velocities of recordings, one below another."""
-    motion, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
-    return motion, np.concatenate([part.pushed(0.0) for part in parts]), gained
-
-
-def _solved(regressors: Float[np.ndarray, "B k"], targets: Float[np.ndarray, "B n"]) -> Float[np.ndarray, "k n"]:
-    """Least squares, whatever the units; zero along what nothing tells."""
-    size = np.maximum(np.abs(regressors).max(axis=0, initial=0.0), np.finfo(float).tiny)
-    return np.linalg.lstsq(regressors / size, targets, rcond=RANK)[0] / size[:, None]
 
 
 def _finding(name: str, kind: str, found: Sequence[tuple[str, float]], pair: tuple[str, ...]) -> Finding:

@@ -5,12 +5,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from ._bumps import bumps_of
+from ._bumps import bumps_of, stacked
 from ._dataset import Dataset
 from ._description import Description
 from ._findings import Finding
 from ._late_inputs import find_late_inputs
-from ._regression import RANK, halves
+from ._regression import RANK, halves, sizes
 from ._units import entry
 
 _CLEAR: Final = 5.0  # Standard errors, in either half of the recordings: arms and drives have 10 to 40.
@@ -37,8 +37,8 @@ def find_input_signs(dataset: Dataset, description: Description, is_angle: np.nd
     parts = bumps_of(dataset.train, is_angle, held=dataset.hold == "zero")
     if not parts:
         return []
-    motion, gained = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "gained"))
-    pushed = np.concatenate([part.pushed(0.0) for part in parts]).reshape(len(motion), dataset.inputs, -1)[:, :, 0]
+    motion, pushed, gained = stacked(parts)
+    pushed = pushed.reshape(len(motion), dataset.inputs, -1)[:, :, 0]
     effects = [
         _effects(motion[half], pushed[half], gained[half], np.asarray(dataset.input_matrix))
         for half in halves(len(motion))
@@ -70,8 +70,8 @@ def _effects(
 ) -> Float[np.ndarray, " m"]:
     """Diagonal of gᵀ M⁻¹ g, beside its standard errors; zero where nothing tells."""
     m = g.shape[1]
-    size = np.maximum(np.abs(pushed).max(axis=0), np.finfo(float).tiny)
-    regressors = np.concatenate([motion / np.maximum(np.abs(motion).max(axis=0), 1e-300), pushed / size], axis=1)
+    size = sizes(pushed)
+    regressors = np.concatenate([motion / sizes(motion), pushed / size], axis=1)
     U, s, Vt = np.linalg.svd(regressors, full_matrices=False)
     told = s > RANK * s[0]
     root = Vt[told].T / s[told]

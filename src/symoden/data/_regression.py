@@ -24,11 +24,37 @@ def unseen_residuals(
     Returns:
         The residuals, of the first half of the stretches and then of the second.
     """
-    scaled = regressors / np.maximum(np.abs(regressors).max(axis=0), np.finfo(float).tiny)
+    scaled = regressors / sizes(regressors)
     both = halves(len(targets))
     return np.concatenate(
         [targets[a] - scaled[a] @ np.linalg.lstsq(scaled[b], targets[b], rcond=RANK)[0] for a, b in (both, both[::-1])]
     )
+
+
+def least_squares(regressors: Float[np.ndarray, "T k"], targets: Float[np.ndarray, "T n"]) -> Float[np.ndarray, "k n"]:
+    """Solve a regression, whatever the units of its columns.
+
+    Args:
+        regressors: A column for each number of the regression.
+        targets: What to explain.
+
+    Returns:
+        The numbers; zero along what nothing tells.
+    """
+    size = sizes(regressors)
+    return np.linalg.lstsq(regressors / size, targets, rcond=RANK)[0] / size[:, None]
+
+
+def sizes(regressors: Float[np.ndarray, "T k"]) -> Float[np.ndarray, " k"]:
+    """What to divide columns of several units by.
+
+    Args:
+        regressors: The columns.
+
+    Returns:
+        The largest absolute value of each; hardly more than zero where all are zero.
+    """
+    return np.maximum(np.abs(regressors).max(axis=0), np.finfo(float).tiny)
 
 
 def halves(count: int) -> list[Bool[np.ndarray, " T"]]:

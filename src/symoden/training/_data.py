@@ -43,7 +43,7 @@ LONGER: Final = (2, 4)
 """Times as long as Levenberg-Marquardt's windows, the longer ones are."""
 HARDLY_ANY: Final = 4
 """Windows of validation whose verdict is hardly one."""
-_FEW = 12  # Of them, which those left out in turn tell more than of what is asked for where M and V are given.
+_FEW = 12  # Of them; where M and V are given, windows left out in turn tell more.
 _BUMPS = WindowLength(1.0, 8)  # Of fewer steps the trapezoidal rule errs too much.
 _FEWEST = 20  # Of them, or they stay as they are.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
@@ -87,9 +87,9 @@ class Data(NamedTuple):
         """The same, judged by windows left out in turn where M and V are given and few windows validate.
 
         Ends of recordings mostly rest. Four windows of them refused all that 25 numbers of a robot description learned,
-        and these took the loss in training from 0.05 to 0.004; eight preferred masses a hundred times too small, which
-        had a loss of 18000 there, to what had one of 1 (`benchmarks/`). More numbers than these would keep what windows
-        have taught them that are left out.
+        and these took the loss in training from 0.05 to 0.004. Seven kept masses that were a hundred times too small,
+        for a training loss of 18000, where four steps later it was 1 (`benchmarks/`). More numbers than these would
+        keep what windows have taught them that are left out.
 
         Args:
             dynamics: Untrained model.
