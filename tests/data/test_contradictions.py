@@ -46,6 +46,7 @@ def found(*train, test=(), **more):
 
 
 FILES = [cart(name, seed) for seed, name in enumerate("abcd")]
+MANY = FILES + [cart(name, 50 + seed, samples=600) for seed, name in enumerate("efghijklmnopqrstuvwxyzABCDEFGHIJKLMN")]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -75,6 +76,23 @@ def test_an_input_in_another_unit_in_one_file_is_named(k, factor):
     words = finding.text.split()
     assert float(words[words.index("times") - 1]) == pytest.approx(1 / factor, rel=0.2)
     assert f"`{'abcd'[k]}` (train)" in finding.text
+
+
+def test_what_is_wrong_in_other_ways_is_said_apart():
+    wrong = {2: 1e-3, 5: -1e3}
+    texts = [finding.text for finding in found(*(turned(each, wrong.get(i, 1), 0) for i, each in enumerate(MANY[:12])))]
+    assert [text.split(" in ")[1].split(" as much")[0] for text in texts] == [
+        "`c` (train) 1000 times",
+        "`f` (train) -0.001 times",
+    ]
+
+
+@pytest.mark.parametrize("odd", [(5,), (2, 11, 30)])
+def test_of_many_files_each_tells_enough(odd):
+    files = [turned(each, -1, 1) if i in odd else each for i, each in enumerate(MANY)]
+    (finding,) = found(*files)
+    assert finding.kind == "sign"
+    assert all(f"`{MANY[i].name}` (train)" in finding.text for i in odd)
 
 
 def test_positions_in_another_unit_make_every_input_seem_so():

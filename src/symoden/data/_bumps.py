@@ -11,7 +11,8 @@ from ._trajectory import Trajectory
 
 _BUMP: Final = 0.15  # [s], or eight samples: what is shorter is noise of the velocities.
 _FEWEST_STEPS: Final = 8
-_MOST: Final = 800  # Bumps.
+MOST: Final = 800
+"""Bumps that are enough for a regression of all recordings together."""
 _MANY: Final = 2  # Bumps in either half for each number of the regression.
 _SHARP: Final = 0.1  # Of the usual speed, within which dry friction turns round.
 
@@ -79,7 +80,9 @@ def stacked(parts: Sequence[Bumps], delay: float = 0.0) -> Rows:
     return Rows(motion, np.concatenate([part.pushed(delay) for part in parts]), gained)
 
 
-def bumps_of(recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: float = 0.0, held: bool) -> list[Bumps]:
+def bumps_of(
+    recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: float = 0.0, held: bool, most: int = MOST
+) -> list[Bumps]:
     """Lay bumps (1 − x²)² on recordings, so many that a regression of accelerations may be asked.
 
     Args:
@@ -87,6 +90,7 @@ def bumps_of(recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: f
         is_angle: Whether each coordinate is an angle.
         first: Where the first bump of each may begin [s].
         held: Whether inputs are held until the next sample.
+        most: How many to lay, if recordings are long.
 
     Returns:
         One for each recording that is long enough; none where all together are too few.
@@ -96,7 +100,7 @@ def bumps_of(recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: f
     long = [each for each in recordings if len(each) > begin + size + 1]
     if not long:
         return []
-    stride = max(size // 2, sum(map(len, long)) // _MOST, 1)
+    stride = max(size // 2, sum(map(len, long)) // most, 1)
     starts = [np.arange(begin, len(each) - size, stride)[:, None] for each in long]
     parts = [
         _under_bumps(each, start + np.arange(size + 1), is_angle, held=held)
