@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.data import DataError, Trajectory, windows
+from symoden.data import DataError, Trajectory, least_motion, windows, with_few_rests
 
 
 def recording(samples, seed=0, n=2, m=1):
@@ -60,3 +60,51 @@ def test_no_trajectory_is_refused():
 def test_a_horizon_or_stride_below_one_is_refused(horizon, stride):
     with pytest.raises(ValueError, match=f"must be at least 1; got {horizon} and {stride}"):
         windows([recording(9)], horizon, stride=stride)
+
+
+def stops(moving, resting, *, noise=0.0, counts=None, seed=0):
+    """A joint that turns for a while, and then rests."""
+    rng = np.random.default_rng(seed)
+    ts = 0.01 * np.arange(moving + resting)
+    q = np.minimum(0.5 * ts, 0.5 * ts[moving])[:, None] + rng.normal(0, noise, (moving + resting, 1))
+    if counts:
+        q = np.round(q * counts) / counts
+    return Trajectory(name=f"stops{seed}", ts=ts, q=q, rates=np.gradient(q, ts, axis=0), us=np.zeros((len(ts), 1)))
+
+
+@given(
+    moving=st.integers(1, 30), resting=st.integers(0, 40), noise=st.sampled_from([0.0, 1e-4]), seed=st.integers(0, 9)
+)
+def test_all_windows_that_move_are_kept_and_a_tenth_that_rests(moving, resting, noise, seed):
+    logs = [stops(10 * moving, 10 * resting + 1, noise=noise, seed=seed)]
+    every = windows(logs, 10, stride=10)
+    kept = with_few_rests(every, least_motion(logs))
+    assert len(every) == moving + resting
+    np.testing.assert_array_equal(kept.q[:moving], every.q[:moving])
+    assert len(kept) - moving == min(resting, max(1, moving // 9))
+    if resting:
+        np.testing.assert_array_equal(kept.q[moving], every.q[moving])  # The first rest is one of them.
+
+
+@pytest.mark.parametrize("sensor", [{"counts": 2000}, {"noise": 3e-4}, {"noise": 3e-4, "counts": 2000}])
+def test_rests_are_known_by_sensors_that_round_and_are_noisy(sensor):
+    logs = [stops(600, 1401, seed=seed, **sensor) for seed in range(2)]
+    assert len(with_few_rests(windows(logs, 20, stride=20), least_motion(logs))) == 60 + 60 // 9
+
+
+def test_noise_as_large_as_the_motion_is_no_rest():
+    logs = [stops(100, 301, noise=0.1)]
+    every = windows(logs, 10, stride=10)
+    assert with_few_rests(every, least_motion(logs)) is every
+
+
+def test_a_joint_that_moves_alone_is_no_rest():
+    log = stops(200, 401)
+    logs = [Trajectory(name="two", ts=log.ts, q=log.q[:, [0, 0]] * [0, 1], rates=log.rates[:, [0, 0]], us=log.us)]
+    kept = with_few_rests(windows(logs, 10, stride=10), least_motion(logs))
+    assert len(kept) == 20 + 2
+
+
+def test_where_nothing_moves_all_windows_stay():
+    every = windows([stops(1, 100)], 10, stride=10).take(np.arange(1, 9))
+    assert len(with_few_rests(every, np.array([0.1]))) == 8

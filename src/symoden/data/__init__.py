@@ -29,7 +29,13 @@ from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory
 from ._unreadable import Unreadable as Unreadable
 from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
-from ._windows import Windows as Windows, spaced_evenly as spaced_evenly, windows as windows
+from ._windows import (
+    Windows as Windows,
+    least_motion as least_motion,
+    spaced_evenly as spaced_evenly,
+    windows as windows,
+    with_few_rests as with_few_rests,
+)
 from ._write_dataset import write_dataset as write_dataset
 
 __all__ = [

@@ -2,17 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
-from jaxtyping import Float64, Int
+from jaxtyping import Bool, Float, Float64, Int
 
 from ._errors import DataError
+from ._noise import measure_noise
 from ._trajectory import Trajectory
 
 WindowTimes: TypeAlias = Float64[np.ndarray, "B points"]  # h + 1 points
 WindowCoordinates: TypeAlias = Float64[np.ndarray, "B points n"]
 WindowInputs: TypeAlias = Float64[np.ndarray, "B points m"]
+
+_NOISE: Final = 8.0  # Standard deviations: samples of a rest hardly ever span more, of 20 as of 500.
+_STILL: Final = 0.01  # Of a coordinate's range, which in noise is no rest.
+_RESTS: Final = 10  # Windows, of which one at rest tells enough.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,6 +39,10 @@ class Windows:
     def __len__(self) -> int:
         """Number of windows B."""
         return len(self.ts)
+
+    def take(self, index: Int[np.ndarray, " k"] | Bool[np.ndarray, " B"]) -> "Windows":
+        """Choose windows."""
+        return Windows(ts=self.ts[index], q=self.q[index], rates=self.rates[index], us=self.us[index])
 
 
 def windows(trajectories: Sequence[Trajectory], horizon: int, *, stride: int = 1) -> Windows:
@@ -74,6 +83,43 @@ def windows(trajectories: Sequence[Trajectory], horizon: int, *, stride: int = 1
         rates=_stacked([trajectory.rates for trajectory in trajectories], horizon + 1, stride),
         us=_stacked([trajectory.us for trajectory in trajectories], horizon + 1, stride),
     )
+
+
+def least_motion(trajectories: Sequence[Trajectory]) -> Float[np.ndarray, " n"]:
+    """Say from what change on each coordinate moves.
+
+    Args:
+        trajectories: Recordings.
+
+    Returns:
+        Eight standard deviations of the sensor's noise, though no more than a hundredth of the coordinate's range.
+    """
+    ranges = np.max([np.ptp(each.q, axis=0) for each in trajectories], axis=0)
+    return np.minimum(_NOISE * measure_noise(trajectories).q, _STILL * ranges)
+
+
+def with_few_rests(found: Windows, least: Float[np.ndarray, " n"]) -> Windows:
+    """Leave out windows in which nothing moves, but for a tenth of all.
+
+    A mechanism that stands still tells the same for as long as it does. By dry friction it stands where nothing else
+    would let it, at any force that friction can hold, which no function of the velocity is: laws that are fitted to
+    little but rests are those of rests (`benchmarks/`). Where gravity is held, a few tell of it.
+
+    Args:
+        found: Windows.
+        least: Change of each coordinate from which on it moves.
+
+    Returns:
+        All that move, and of the others as many as make a tenth, spaced evenly; the same where nothing moves.
+    """
+    rests = np.all(np.ptp(found.q, axis=1) <= least, axis=1)
+    moving = len(found) - int(np.sum(rests))
+    most = max(1, moving // (_RESTS - 1))
+    if moving == 0 or len(found) - moving <= most:
+        return found
+    kept = ~rests
+    kept[np.flatnonzero(rests)[spaced_evenly(len(found) - moving, most)]] = True
+    return found.take(kept)
 
 
 def spaced_evenly(count: int, most: int) -> Int[np.ndarray, " k"]:

@@ -9,6 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
+from jaxtyping import Float
 
 from symoden.data import (
     ADAM_WINDOWS,
@@ -18,6 +19,7 @@ from symoden.data import (
     Trajectory,
     WindowLength,
     halves,
+    least_motion,
     measure_noise,
     spaced_evenly,
     split_validation,
@@ -25,6 +27,7 @@ from symoden.data import (
     validates_by_ends,
     window_steps,
     windows,
+    with_few_rests,
     without_poor_ends,
 )
 from symoden.integrate import HOLDS, RK4
@@ -211,8 +214,11 @@ def _data(
     dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig, *, horizon: int, stride: int, dtype: DTypeLike
 ) -> Data:
     """Windows on the device, and the objective on them."""
-    train = _cut(dataset.train, horizon, stride=stride, dtype=dtype)
-    validation = _cut(dataset.validation, horizon, stride=stride, dtype=dtype) if dataset.validation else None
+    least = least_motion(dataset.train)
+    train = _cut(dataset.train, horizon, stride=stride, dtype=dtype, least=least)
+    validation = None
+    if dataset.validation:
+        validation = _cut(dataset.validation, horizon, stride=stride, dtype=dtype, least=least)
     channels = dynamics.space.embedded_size + dynamics.space.size
     weights = channel_weights(train, dynamics) if config.scaled_loss else np.ones(channels)
     solver = RK4(config.substeps, unroll=config.unroll)
@@ -263,10 +269,12 @@ def name_thinned(dataset: Dataset, data: Data, config: TrainingConfig) -> None:
         warnings.warn(message, DataWarning, stacklevel=2)
 
 
-def _cut(recordings: Sequence[Trajectory], horizon: int, *, stride: int, dtype: DTypeLike) -> Batch:
-    """Windows of the recordings that are long enough."""
+def _cut(
+    recordings: Sequence[Trajectory], horizon: int, *, stride: int, dtype: DTypeLike, least: Float[np.ndarray, " n"]
+) -> Batch:
+    """Windows of the recordings that are long enough, few of them at rest."""
     long = [recording for recording in recordings if len(recording) > horizon]
-    return Batch.of(windows(long or recordings, horizon, stride=stride), dtype)
+    return Batch.of(with_few_rests(windows(long or recordings, horizon, stride=stride), least), dtype)
 
 
 def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[Data]:
@@ -294,7 +302,9 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
         long = _data(blind, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
         if dataset.validation:
             steps = min(horizon, usual_steps(dataset.validation, horizon))
-            long = long._replace(validation=_cut(dataset.validation, steps, stride=steps, dtype=jnp.float64))
+            least = least_motion(dataset.train)
+            validation = _cut(dataset.validation, steps, stride=steps, dtype=jnp.float64, least=least)
+            long = long._replace(validation=validation)
         long = _thinned(long, config.lm_samples).left_out_in_turn(dynamics, HARDLY_ANY)
         alone = long.validation is not None and long.validation.ts.shape[0] == 1 and not long.in_turn
         if long.train.ts.shape[0] < fewest or alone:  # A single window could not speak against them.
