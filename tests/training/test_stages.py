@@ -117,10 +117,11 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     held_out = _data.hold_out(pendulum(samples=400), dataclasses.replace(config, validation=0.25))
     judged = line_up(held_out, model, [model], config)
     closing = [each for each in judged if isinstance(each, LevenbergStage) and isinstance(each.begins, Without)]
-    assert [(each.name, each.corrections, each.begins) for each in closing] == [
-        ("friction instead", FRICTION, Without(POTENTIAL))
+    instead = FRICTION, Without(POTENTIAL), 0.0
+    assert [(each.name, each.corrections, each.begins, each.margin) for each in closing] == [
+        ("regression: friction instead", *instead),  # What begins anew must not take dry friction for viscous.
+        ("friction instead", *instead),
     ]
-    assert closing[0].margin == 0.0
     for before, after in itertools.pairwise(stages):
         assert after.whitens == (not after.corrections & ~before.corrections)  # What sets nothing free.
         assert after.margin is not None

@@ -117,9 +117,9 @@ def _regression(
 
     On three coordinates and more it comes before Adam, and saves it. On fewer Adam does as well, and tells friction
     better; but where noise hides what moves in Adam's short windows, it ends on a plateau, with a mass so large that
-    nothing matters. Then the regression begins anew. Without Adam, from what a user guessed, it comes first alone,
-    without priors that are learned: from guesses four times off, rollouts alone ended elsewhere in four cases of ten
-    (`benchmarks/`).
+    nothing matters, and where dry friction holds joints between short moves, in a wrong basin. Then the regression
+    begins anew. Without Adam, from what a user guessed, it comes first alone, without priors that are learned: from
+    guesses four times off, rollouts alone ended elsewhere in four cases of ten (`benchmarks/`).
 
     Returns:
         The stages.
@@ -157,7 +157,7 @@ def _further(
         The stages.
     """
     grow, learn = config.growth_steps, config.relevance_steps
-    judged = _laws(dynamics, config, regression=regression)
+    judged = _laws(dynamics, config)
     learns = learn > 0 and _fits(dynamics, judged)
     of = "regression: " if regression else ""
     stages = _asked(dynamics, data, config, regression=regression, answered=answered)
@@ -223,7 +223,7 @@ def _asked(
     def has(kind: int) -> bool:
         return config.growth_steps > 0 and _has(dynamics, kind)
 
-    judged = _laws(dynamics, config, regression=regression)
+    judged = _laws(dynamics, config)
     fits = functools.partial(_fits, dynamics)
     rubs = judged > 0
     turns = has(ACTUATION) and not answered and fits(judged | DIRECTIONS | ACTUATION)
@@ -246,10 +246,9 @@ def _asked(
     return [stage for sensible, stage in asked if sensible]
 
 
-def _laws(dynamics: AbstractDynamics, config: TrainingConfig, *, regression: bool) -> int:
-    """Friction's laws where they are asked for, as flags; in a regression not on fewer than three coordinates."""
-    rubs = config.growth_steps > 0 and _has(dynamics, FRICTION)
-    return FRICTION if rubs and (not regression or dynamics.space.size >= _MANY) else 0
+def _laws(dynamics: AbstractDynamics, config: TrainingConfig) -> int:
+    """Friction's laws where they are asked for, as flags."""
+    return FRICTION if config.growth_steps > 0 and _has(dynamics, FRICTION) else 0
 
 
 def _growth(
