@@ -44,6 +44,8 @@ class Bumps(NamedTuple):
         # are (u[k−1] + u[k]) / 2, as it acts half a step later than its row.
         ts = self.recording.ts
         at = ts[self.samples] - delay
+        if not self.given.shape[1]:
+            return np.zeros((len(at), 0))
 
         def integral(until: Float[np.ndarray, "B s"]) -> Float[np.ndarray, "B s m"]:
             return np.stack([np.interp(until, ts, column) for column in self.given.T], axis=2)
@@ -103,7 +105,7 @@ def bumps_of(
     stride = max(size // 2, sum(map(len, long)) // most, 1)
     starts = [np.arange(begin, len(each) - size, stride)[:, None] for each in long]
     parts = [
-        _under_bumps(each, start + np.arange(size + 1), is_angle, held=held)
+        under_bumps(each, start + np.arange(size + 1), is_angle, held=held)
         for each, start in zip(long, starts, strict=True)
     ]
     numbers = parts[0].motion.shape[1] + parts[0].given.shape[1] * parts[0].turning.shape[2]
@@ -125,7 +127,7 @@ def unexplained(parts: Sequence[Bumps], delay: float = 0.0) -> Float[np.ndarray,
     return left**2 / np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
 
 
-def _under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray, *, held: bool) -> Bumps:
+def under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray, *, held: bool) -> Bumps:
     """Integrate a recording under bumps (1 − x²)²."""
     at, q = recording.ts[samples], recording.q[:, is_angle]
     span, times = at[:, -1:] - at[:, :1], np.gradient(at, axis=1)

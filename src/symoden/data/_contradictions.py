@@ -1,29 +1,50 @@
-"""Files in which an input does something else than in the others: a sign or a unit that changed between them."""
+"""Files that agree with the others only once a sign, a unit or the order of columns is changed."""
 
-from collections.abc import Mapping, Sequence
-from itertools import accumulate
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import accumulate, combinations
 from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from symoden.wording import first_few
-
-from ._bumps import MOST, Bumps, Rows, bumps_of, stacked
+from ._bumps import MOST, Bumps, Rows, bumps_of, stacked, under_bumps
 from ._dataset import Dataset
-from ._findings import Finding
-from ._regression import RANK, least_squares, sizes
+from ._findings import Finding, Kind
+from ._regression import least_squares
+from ._trajectory import Trajectory
 
-_CLEAR: Final = 8.0  # Standard errors: measured arms have 8 to 34 where an input is told.
-_SHARE: Final = 0.3  # Of what is left without it that an input must explain: -5 times on a measured arm has 0.28.
-_TOLD: Final = 4.0  # The same where the others are explained by a file of another unit.
-_TURNED: Final = 3.0  # Between this factor and its inverse, negative, an input is turned round; 0.3 to 2.8 are alike.
-_OTHER_UNIT: Final = 30.0  # Times as much, or as little, comes of no motion: a degree is 57, a centimetre 100.
-_INVERSE: Final = 10.0  # Between this and its inverse a factor there and back is one: noise makes both too small.
+_LITTLE: Final = 0.5  # Share of the accelerations' mean square that is left: the others tell little of the file.
+_MOST: Final = 0.5  # The same: they tell most of it.
+_NOTHING: Final = 1.0  # The same: they tell nothing.
+_LESS: Final = 0.33  # Of what is left as it is, and without some input: or it is this that the others misjudge.
+_ALIKE: Final = 1.5  # Times the least that is left; a change that leaves no more may be what is wrong as well.
+_WEAK: Final = 1e-3  # Beside what tells of a number: one that the others hardly tell is near zero.
 _MANY: Final = 2  # Bumps for each number of a regression.
-_TRIED: Final = 12  # Files that may be the one without which the others agree.
+_FEWEST: Final = 20  # Bumps of a file: of fewer, most is told by chance.
 _EACH, _ALL = 300, 6000  # Bumps of a file, for the 140 numbers of six joints; of all files, for a second of time.
-_NAMED: Final = 3
+_TRIED: Final = 12  # Files that may be the one without which the others agree.
+_NAMED: Final = 3  # Changes.
+_INPUTS: Final = (1e3, 1e-3)  # Milliamperes, newton millimetres.
+_POSITIONS: Final = (1e3, 1e-3, 1e2, 1e-2)  # Millimetres, centimetres.
+_DEGREES: Final = 180 / np.pi
+
+
+class _Change(NamedTuple):
+    """What may be wrong with a file, and how it is mended.
+
+    Attributes:
+        kind: What it is about.
+        column: Column that it is about, the first of several.
+        words: What has to be done with the file's columns.
+        mend: A recording from what was recorded.
+    """
+
+    kind: Kind
+    column: str
+    words: str
+    mend: Callable[[Trajectory], Trajectory]
 
 
 class _Told(NamedTuple):
@@ -46,6 +67,11 @@ class _Told(NamedTuple):
         """Both together."""
         return _Told(_triangular([self.rows, other.rows]), self.bumps + other.bumps)
 
+    @property
+    def numbers(self) -> int:
+        """How many numbers a regression has."""
+        return self.rows.motion.shape[1] + self.rows.pushed.shape[1]
+
 
 def _triangular(parts: Sequence[Rows]) -> Rows:
     """Factor of rows below each other."""
@@ -54,149 +80,236 @@ def _triangular(parts: Sequence[Rows]) -> Rows:
     return Rows(*np.split(np.linalg.qr(columns, mode="r"), np.cumsum(widths)[:-1], axis=1))
 
 
-class _File(NamedTuple):
-    """What tells of a file what inputs do in it.
+class _Law(NamedTuple):
+    """How files accelerate.
 
     Attributes:
-        told: Its regression of accelerations.
-        spreads: Standard deviation of the accelerations of each of its recordings.
+        effects: Of what moves and pushes; accelerations count beside their usual size.
+        scale: Their usual size.
+    """
+
+    effects: Float[np.ndarray, "k n"]
+    scale: Float[np.ndarray, " n"]
+
+    @classmethod
+    def of(cls, told: _Told) -> "_Law":
+        """By a regression that holds near zero what hardly anything tells."""
+        causes = np.concatenate([told.rows.motion, told.rows.pushed], axis=1)
+        scale = _size(told.rows.gained, told.bumps)
+        size = _size(causes, told.bumps)
+        held = np.sqrt(_WEAK * told.bumps) * np.eye(len(size))
+        targets = np.concatenate([told.rows.gained / scale, np.zeros((len(size), len(scale)))])
+        return cls(least_squares(np.concatenate([causes / size, held]), targets) / size[:, None], scale)
+
+    def least_without(self, told: _Told, inputs: int) -> float:
+        """The least share that it leaves without one of the inputs, or all of them."""
+        pushed = told.rows.pushed.reshape(len(told.rows.pushed), inputs, -1)
+        rows = [
+            told.rows._replace(pushed=(pushed * kept[:, None]).reshape(told.rows.pushed.shape))
+            for kept in _left_out(inputs)
+        ]
+        return min((self.left(told._replace(rows=each)) for each in rows), default=np.inf)
+
+    def left(self, told: _Told) -> float:
+        """Share of a file's accelerations, in their mean square, that it leaves."""
+        causes = np.concatenate([told.rows.motion, told.rows.pushed], axis=1)
+        gained = told.rows.gained / self.scale
+        return float(np.sum((gained - causes @ self.effects) ** 2) / max(np.sum(gained**2), np.finfo(float).tiny))
+
+
+def _left_out(count: int) -> list[Float[np.ndarray, " m"]]:
+    """Factors that leave out one of so many, or all."""
+    return [*(1 - np.eye(count)), np.zeros(count)] if count else []
+
+
+def _size(columns: Float[np.ndarray, "B k"], bumps: int) -> Float[np.ndarray, " k"]:
+    """Root mean squares over the bumps."""
+    size = np.linalg.norm(columns, axis=0) / np.sqrt(bumps)
+    return np.where(size > 0, size, 1.0)
+
+
+class _File:
+    """A file of recordings under bumps, as it is and as it would be if something was changed.
+
+    Attributes:
+        told: What it tells as it is.
         inputs: How many inputs there are.
     """
 
-    told: _Told
-    spreads: Float[np.ndarray, "r n"]
-    inputs: int
+    def __init__(self, recordings: Sequence[Bumps], is_angle: Bool[np.ndarray, " n"], *, held: bool) -> None:
+        self.told = _Told.of(stacked(recordings))
+        self.inputs = recordings[0].given.shape[1]
+        self._recordings, self._is_angle, self._held = recordings, is_angle, held
 
-    @classmethod
-    def of(cls, recordings: Sequence[Bumps]) -> "_File":
-        """Of the recordings of a file."""
-        spreads = np.stack([np.std(each.gained, axis=0) for each in recordings])
-        return cls(_Told.of(stacked(recordings)), spreads, recordings[0].given.shape[1])
+    @functools.cache  # noqa: B019 - A file lives as long as the search does.
+    def mended(self, change: _Change) -> _Told:
+        """What it tells with a change."""
+        parts = [
+            under_bumps(change.mend(each.recording), each.samples, self._is_angle, held=self._held)
+            for each in self._recordings
+        ]
+        return _Told.of(stacked(parts))
 
-    @property
-    def tells(self) -> bool:
-        """Whether it is long enough."""
-        return self.told.bumps >= _MANY * (self.told.rows.motion.shape[1] + self.inputs)
+
+class _Answer(NamedTuple):
+    """What would mend a file.
+
+    Attributes:
+        changes: Any one of these; the best first.
+        left: Share of its accelerations that the others leave then.
+        as_it_is: Share that they leave without.
+    """
+
+    changes: tuple[_Change, ...]
+    left: float
+    as_it_is: float
 
 
 _Files = Mapping[str, _File]
 
 
-class _Answer(NamedTuple):
-    """How accelerations answer inputs in a file, beside how they do in others.
-
-    Attributes:
-        factor: Times as much, of each input.
-        clear: Its standard errors.
-        share: Share that it explains of what is left without this input.
-    """
-
-    factor: Float[np.ndarray, " m"]
-    clear: Float[np.ndarray, " m"]
-    share: Float[np.ndarray, " m"]
-
-    @property
-    def differs(self) -> Bool[np.ndarray, " m"]:
-        """Which inputs do something else, if these figures are true."""
-        with np.errstate(divide="ignore"):
-            size = np.abs(np.log(np.abs(self.factor)))
-        return ((self.factor < 0) & (size < np.log(_TURNED))) | (size > np.log(_OTHER_UNIT))
-
-    @property
-    def contradicts(self) -> Bool[np.ndarray, " m"]:
-        """Which inputs do."""
-        return self.differs & (self.clear > _CLEAR) & (self.share > _SHARE)
-
-
 def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
-    """Say in which files an input accelerates the mechanism otherwise than in the others.
+    """Say which files agree with the others only after a change of sign, unit or columns.
 
-    A column is turned, or written in another unit, from one day to the next. A model learns the mean of both, and no
-    single file looks wrong. Accelerations under bumps are explained by functions of single positions, friction,
-    products of velocities and the inputs, which may turn with angles; what the inputs do by the other files is
-    compared with what they do in this one, beside whatever else moves it there.
+    A column is turned, written in another unit, or exchanged with another one from one day to the next. A model learns
+    the mean of both, and no single file looks wrong. Accelerations under bumps are explained by functions of single
+    positions, friction, products of velocities and the inputs, which may turn with angles. A file is named if what the
+    others tell explains little of its accelerations, and most of them as soon as one such change is made.
 
     Args:
         dataset: Recordings as training sees them.
         is_angle: Whether each coordinate is an angle.
 
     Returns:
-        One finding for each input and each way in which it contradicts.
+        One finding for each file.
     """
-    if not dataset.inputs or dataset.momenta:
+    if dataset.momenta:
         return []
-    files: dict[str, list[Bumps]] = {}
     parts = {id(each): part for part in ("train", "validation", "test") for each in getattr(dataset, part)}
     names = {id(each): f"`{each.name.split('#')[0]}` ({parts[id(each)]})" for each in dataset.recordings}
     most = max(MOST, min(_EACH * len(set(names.values())), _ALL))
-    for bumps in bumps_of(dataset.recordings, is_angle, held=dataset.hold == "zero", most=most):
+    files: dict[str, list[Bumps]] = {}
+    held = dataset.hold == "zero"
+    for bumps in bumps_of(dataset.recordings, is_angle, held=held, most=most):
         files.setdefault(names[id(bumps.recording)], []).append(bumps)
-    every = {name: _File.of(recordings) for name, recordings in files.items()}
-    odd, pair = _odd_ones({name: file for name, file in every.items() if file.tells})
-    words: dict[tuple[int, float, bool], list[tuple[str, float]]] = {}
-    for name, answer in ((name, odd[name]) for name in every if name in odd):
-        for j in np.flatnonzero(answer.contradicts):
-            factor = float(answer.factor[j])
-            unit = np.sign(np.log(abs(factor))) * (abs(np.log(abs(factor))) > np.log(_OTHER_UNIT))
-            words.setdefault((int(j), float(unit), factor < 0), []).append((name, factor))
-    return [_finding(dataset.input_names[j], found, pair) for (j, *_), found in words.items()]
+    every = {name: _File(recordings, is_angle, held=held) for name, recordings in files.items()}
+    changes = list(_changes(dataset, is_angle))
+    odd, pair = _odd_ones({name: each for name, each in every.items() if each.told.bumps >= _FEWEST}, changes)
+    return [_finding(name, odd[name], pair) for name in every if name in odd]
 
 
-def _odd_ones(files: _Files) -> tuple[dict[str, _Answer], tuple[str, ...]]:
+def _changes(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Change]:
+    """Everything that is thought of."""
+    q, u = dataset.position_names, dataset.input_names
+
+    def moved(kind: Kind, which: Sequence[int], words: str, factor: float) -> _Change:
+        by = np.where(np.isin(np.arange(len(q)), which), factor, 1.0)
+        return _Change(
+            kind, q[which[0]], words, lambda each: dataclasses.replace(each, q=each.q * by, rates=each.rates * by)
+        )
+
+    def pushed(kind: Kind, which: Sequence[int], words: str, factor: float) -> _Change:
+        by = np.where(np.isin(np.arange(len(u)), which), factor, 1.0)
+        return _Change(kind, u[which[0]], words, lambda each: dataclasses.replace(each, us=each.us * by))
+
+    for names, change, unit in ((q, moved, "positions and velocities"), (u, pushed, "inputs")):
+        some = [([i], f"`{name}`" + (" and its velocity" if change is moved else "")) for i, name in enumerate(names)]
+        every = [(list(range(len(names))), f"all {unit}")] if len(names) > 1 else []
+        for which, words in some + every:
+            yield change("sign", which, f"the sign of {words} is turned", -1.0)
+            for factor in _INPUTS if change is pushed else _POSITIONS if len(which) == len(names) else ():
+                yield change(
+                    "unit", which, f"{words} {'is' if len(which) == 1 else 'are'} taken times {factor:g}", factor
+                )
+    if angles := np.flatnonzero(is_angle).tolist():
+        yield moved("unit", angles, "angles are taken to be in degrees", 1 / _DEGREES)
+        yield moved("unit", angles, "angles are taken to be in radians", _DEGREES)
+    for i, j in combinations(range(len(q)), 2):
+        if is_angle[i] == is_angle[j]:
+            order = _exchanged(len(q), i, j)
+            yield _Change(
+                "order",
+                q[i],
+                f"`{q[i]}` and `{q[j]}` are exchanged",
+                lambda each, order=order: dataclasses.replace(each, q=each.q[:, order], rates=each.rates[:, order]),
+            )
+    for i, j in combinations(range(len(u)), 2):
+        order = _exchanged(len(u), i, j)
+        yield _Change(
+            "order",
+            u[i],
+            f"`{u[i]}` and `{u[j]}` are exchanged",
+            lambda each, order=order: dataclasses.replace(each, us=each.us[:, order]),
+        )
+
+
+def _exchanged(count: int, i: int, j: int) -> list[int]:
+    """So many columns, two of them exchanged."""
+    order = list(range(count))
+    order[i], order[j] = j, i
+    return order
+
+
+def _odd_ones(files: _Files, changes: Sequence[_Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
     """Files without which the others agree, and the last two where these do not, so that either may be wrong."""
     agree, odd = dict(files), {}
-    said = _contradicting(agree)
-    while said:
+    while len(agree) > 1 and (unlike := _unlike(agree, _LITTLE)):
+        found = _most_at_odds(agree, unlike, changes)
+        if found is None:
+            break
+        name, odd[name] = found
         if len(agree) == 2:  # Two cannot outvote each other.
-            first = next(iter(said))
-            return odd | {first: said[first]}, tuple(agree)
-        name, left = _most_at_odds(agree, said)
-        odd[name] = said.get(name) or _seen_from(list(said.values()))
+            return odd, tuple(agree)
         del agree[name]
-        said = left
     return odd, ()
 
 
-def _most_at_odds(files: _Files, said: Mapping[str, _Answer]) -> tuple[str, dict[str, _Answer]]:
-    """The file without which the fewest others contradict, and these."""
+def _unlike(files: _Files, most: float) -> list[str]:
+    """Files of whose accelerations the others leave more than so much."""
+    others = _all_but_one([file.told for file in files.values()])
+    return [
+        name
+        for (name, file), rest in zip(files.items(), others, strict=True)
+        if rest.bumps >= _MANY * rest.numbers and _Law.of(rest).left(file.told) > most
+    ]
+
+
+def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[_Change]) -> tuple[str, _Answer] | None:
+    """The file that a change would mend, without which the fewest others are unlike; none where there is none."""
 
     def unlikely(name: str) -> tuple[bool, float]:
-        """What contradicts comes first, then that whose inputs may outweigh those of all others."""
-        return name not in said, -float(np.linalg.norm(files[name].told.rows.pushed))
+        """What is unlike the others comes first, then what may outweigh all others."""
+        return name not in unlike, -float(np.linalg.norm(files[name].told.rows.pushed))
 
-    found: list[tuple[str, dict[str, _Answer]]] = []
+    found: list[tuple[int, str, _Answer]] = []
     for name in sorted(files, key=unlikely)[:_TRIED]:
-        left = _contradicting({other: file for other, file in files.items() if other != name})
-        found.append((name, left))
-        if not left:
-            break
-    return min(found, key=lambda each: len(each[1]))
+        rest = {other: file for other, file in files.items() if other != name}
+        left = len(_unlike(rest, _NOTHING)) if len(rest) > 1 else 0
+        if 2 * left > len(rest):  # They do not even agree among themselves.
+            continue
+        others = functools.reduce(_Told.joined, (file.told for file in rest.values()))
+        answer = _mended(others, files[name], changes)
+        if answer is not None:
+            found.append((left, name, answer))
+    if not found:
+        return None
+    _, name, answer = min(found, key=lambda each: (each[0], each[2].left))
+    return name, answer
 
 
-def _seen_from(answers: Sequence[_Answer]) -> _Answer:
-    """How a file answers that tells little by itself, and yet all others contradict what is the mean with it."""
-    clearest = max(answers, key=lambda each: float(np.max(np.where(each.contradicts, each.clear, 0.0))))
-    with np.errstate(divide="ignore"):
-        return clearest._replace(factor=1 / clearest.factor)
-
-
-def _contradicting(files: _Files) -> dict[str, _Answer]:
-    """Files that contradict all others together."""
-    if len(files) <= 1:
-        return {}
-    scale = np.median(np.concatenate([file.spreads for file in files.values()]), axis=0)
-    scale = np.where(scale > 0, scale, 1.0)
-    found = {}
-    for (name, file), others in zip(files.items(), _all_but_one([file.told for file in files.values()]), strict=True):
-        answer = _answer(others, file.told, file.inputs, scale)
-        if answer.contradicts.any():  # By what inputs do there, the others must contradict it, too.
-            back = _answer(file.told, others, file.inputs, scale)
-            told = np.where(answer.factor < 0, back.contradicts, back.differs & (back.clear > _TOLD))
-            there_and_back = answer.factor * back.factor
-            alike = told & (there_and_back > 1 / _INVERSE) & (there_and_back < _INVERSE)
-            answer = answer._replace(clear=np.where(alike, answer.clear, 0.0))
-        found[name] = answer
-    return {name: answer for name, answer in found.items() if answer.contradicts.any()}
+def _mended(others: _Told, file: _File, changes: Sequence[_Change]) -> _Answer | None:
+    """What has to be changed for the others to tell most of a file, if they tell little of it as it is."""
+    law = _Law.of(others)
+    as_it_is = law.left(file.told)
+    if as_it_is <= _LITTLE:
+        return None
+    left = [law.left(file.mended(change)) for change in changes]
+    least = min(left)
+    most = min(_MOST, _LESS * min(as_it_is, law.least_without(file.told, file.inputs)))
+    if least > most:
+        return None
+    alike = sorted((share, i) for i, share in enumerate(left) if share <= min(_ALIKE * least, most))
+    return _Answer(tuple(changes[i] for _, i in alike), least, as_it_is)
 
 
 def _all_but_one(every: Sequence[_Told]) -> list[_Told]:
@@ -206,65 +319,15 @@ def _all_but_one(every: Sequence[_Told]) -> list[_Told]:
     return [after[0], *(each.joined(then) for each, then in zip(before[:-1], after[1:], strict=True)), before[-1]]
 
 
-def _answer(others: _Told, file: _Told, m: int, scale: Float[np.ndarray, " n"]) -> _Answer:
-    """Compare what inputs do in a file with what they do by others; accelerations count beside their usual size."""
-    motion, pushed, gained = others.rows
-    effects = least_squares(np.concatenate([motion, pushed], axis=1), gained / scale)[-pushed.shape[1] :]
-    motion, pushed, gained = file.rows
-    pushes = np.einsum("bja,jan->jbn", pushed.reshape(len(pushed), m, -1), effects.reshape(m, -1, len(scale)))
-    rest = _Rest(motion)
-    target = rest(gained / scale).ravel()
-    pushes = np.stack([rest(each).ravel() for each in pushes], axis=1)
-    factor = least_squares(pushes, target[:, None])[:, 0]
-    left = float(np.sum((target - pushes @ factor) ** 2))
-    share, clear = np.zeros(m), np.zeros(m)
-    freedom = max(1, (file.bumps - rest.rank) * len(scale) - m)
-    for j in range(m):
-        others_alone = np.delete(pushes, j, axis=1)
-        own = pushes[:, j] - others_alone @ least_squares(others_alone, pushes[:, [j]])[:, 0]
-        explained = factor[j] ** 2 * float(own @ own)
-        if explained > 0:
-            share[j] = explained / (explained + left)
-            clear[j] = np.sqrt(explained * freedom / max(left, np.finfo(float).tiny))
-    return _Answer(factor, clear, share)
-
-
-class _Rest:
-    """What is left of signals without what a file's motion explains.
-
-    Attributes:
-        rank: Number of directions that are taken out.
-    """
-
-    def __init__(self, motion: Float[np.ndarray, "B k"]) -> None:
-        U, s, _ = np.linalg.svd(motion / sizes(motion), full_matrices=False)
-        self._explained = U[:, s > RANK * s[0]]
-        self.rank = self._explained.shape[1]
-
-    def __call__(self, signals: Float[np.ndarray, "B n"]) -> Float[np.ndarray, "B n"]:
-        return signals - self._explained @ (self._explained.T @ signals)
-
-
-def _finding(name: str, found: Sequence[tuple[str, float]], pair: tuple[str, ...]) -> Finding:
-    """What to say of an input that does the same in these files."""
-    both = len(found) == 1 and found[0][0] in pair
-    where = first_few((file for file, _ in found), _NAMED)
-    than = next(file for file in pair if file != found[0][0]) if both else "the other recordings"
-    size = float(np.median([factor for _, factor in found]))
-    if abs(np.log(abs(size))) < np.log(_OTHER_UNIT):
-        return Finding(
-            kind="sign",
-            level="warning",
-            channel=name,
-            text=f"`{name}` accelerates the mechanism in {where} the other way round than in {than}",
-            advice="A model would learn the mean of both. Turn its column there, or those of positions and velocities, "
-            "or leave these recordings out.",
-        )
+def _finding(name: str, answer: _Answer, pair: tuple[str, ...]) -> Finding:
+    """What to say of a file."""
+    like = f"{next(file for file in pair if file != name)} does" if name in pair else "the other recordings do"
+    words = ", or ".join(change.words for change in answer.changes[:_NAMED])
     return Finding(
-        kind="unit",
+        kind=answer.changes[0].kind,
         level="warning",
-        channel=name,
-        text=f"`{name}` accelerates the mechanism in {where} {float(f'{size:.2g}'):g} times as much as in {than}",
-        advice="`units` are those of all files: bring the input, or positions and velocities, to the same unit there, "
-        "or leave these recordings out.",
+        channel=answer.changes[0].column,
+        text=f"{name} moves as {like} only if {words}: then these tell {1 - answer.left:.0%} of its accelerations, and "
+        f"{f'{1 - answer.as_it_is:.0%}' if answer.as_it_is < 1 else 'nothing'} as it is",
+        advice="A model would learn the mean of both. Mend the file (`units` are those of all files), or leave it out.",
     )

@@ -9,7 +9,7 @@ SHOWN_SPANS: Final = 20  # single rows of a finding that are marked, at most
 
 Kind: TypeAlias = Literal[
     "missing", "line", "impossible", "gap", "time", "stuck", "unit", "sign", "velocity", "slope", "wrap", "jump",
-    "clocks", "spike", "blind", "saturation", "rounding", "zero", "idle", "feedback", "delay", "hold", "copy",
+    "order", "clocks", "spike", "blind", "saturation", "rounding", "zero", "idle", "feedback", "delay", "hold", "copy",
     "refused",
 ]  # fmt: skip
 Level: TypeAlias = Literal["note", "masked", "warning", "refused"]
