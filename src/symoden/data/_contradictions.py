@@ -12,10 +12,9 @@ from jaxtyping import Bool, Float
 from ._bumps import MOST, Bumps, Rows, bumps_of, stacked, under_bumps
 from ._dataset import Dataset
 from ._findings import Finding, Kind
-from ._regression import least_squares
 from ._trajectory import Trajectory
 
-_LITTLE: Final = 0.5  # Share of the accelerations' mean square that is left: the others tell little of the file.
+_LITTLE: Final = 0.1  # Share of the accelerations' mean square that is left: the others tell little of the file.
 _MOST: Final = 0.5  # The same: they tell most of it.
 _NOTHING: Final = 1.0  # The same: they tell nothing.
 _LESS: Final = 0.33  # Of what is left as it is, and without some input: or it is this that the others misjudge.
@@ -24,10 +23,11 @@ _WEAK: Final = 1e-3  # Beside what tells of a number: one that the others hardly
 _MANY: Final = 2  # Bumps for each number of a regression.
 _FEWEST: Final = 20  # Bumps of a file: of fewer, most is told by chance.
 _EACH, _ALL = 300, 6000  # Bumps of a file, for the 140 numbers of six joints; of all files, for a second of time.
+_CHANGED: Final = 60  # Bumps of a file that are laid anew for each of up to a hundred changes.
 _TRIED: Final = 12  # Files that may be the one without which the others agree.
 _NAMED: Final = 3  # Changes.
 _INPUTS: Final = (1e3, 1e-3)  # Milliamperes, newton millimetres.
-_POSITIONS: Final = (1e3, 1e-3, 1e2, 1e-2)  # Millimetres, centimetres.
+_LENGTHS: Final = (1e3, 1e-3, 1e2, 1e-2)  # Millimetres, centimetres.
 _DEGREES: Final = 180 / np.pi
 
 
@@ -97,9 +97,9 @@ class _Law(NamedTuple):
         causes = np.concatenate([told.rows.motion, told.rows.pushed], axis=1)
         scale = _size(told.rows.gained, told.bumps)
         size = _size(causes, told.bumps)
-        held = np.sqrt(_WEAK * told.bumps) * np.eye(len(size))
-        targets = np.concatenate([told.rows.gained / scale, np.zeros((len(size), len(scale)))])
-        return cls(least_squares(np.concatenate([causes / size, held]), targets) / size[:, None], scale)
+        causes, gained = causes / size, told.rows.gained / scale
+        held = _WEAK * told.bumps * np.eye(len(size))
+        return cls(np.linalg.solve(causes.T @ causes + held, causes.T @ gained) / size[:, None], scale)
 
     def least_without(self, told: _Told, inputs: int) -> float:
         """The least share that it leaves without one of the inputs, or all of them."""
@@ -144,11 +144,13 @@ class _File:
     @functools.cache  # noqa: B019 - A file lives as long as the search does.
     def mended(self, change: _Change) -> _Told:
         """What it tells with a change."""
+        stride = max(1, self.told.bumps // _CHANGED)
         parts = [
-            under_bumps(change.mend(each.recording), each.samples, self._is_angle, held=self._held)
+            under_bumps(change.mend(each.recording), each.samples[::stride], self._is_angle, held=self._held)
             for each in self._recordings
         ]
-        return _Told.of(stacked(parts))
+        rows = stacked(parts)
+        return _Told(rows, len(rows.motion))
 
 
 class _Answer(NamedTuple):
@@ -183,7 +185,7 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]
     Returns:
         One finding for each file.
     """
-    if dataset.momenta:
+    if not dataset.inputs or dataset.momenta:
         return []
     parts = {id(each): part for part in ("train", "validation", "test") for each in getattr(dataset, part)}
     names = {id(each): f"`{each.name.split('#')[0]}` ({parts[id(each)]})" for each in dataset.recordings}
@@ -193,13 +195,13 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]
     for bumps in bumps_of(dataset.recordings, is_angle, held=held, most=most):
         files.setdefault(names[id(bumps.recording)], []).append(bumps)
     every = {name: _File(recordings, is_angle, held=held) for name, recordings in files.items()}
-    changes = list(_changes(dataset, is_angle))
+    changes = [*_factors(dataset, is_angle), *_orders(dataset, is_angle)]
     odd, pair = _odd_ones({name: each for name, each in every.items() if each.told.bumps >= _FEWEST}, changes)
     return [_finding(name, odd[name], pair) for name in every if name in odd]
 
 
-def _changes(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Change]:
-    """Everything that is thought of."""
+def _factors(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Change]:
+    """Signs and units of columns."""
     q, u = dataset.position_names, dataset.input_names
 
     def moved(kind: Kind, which: Sequence[int], words: str, factor: float) -> _Change:
@@ -217,37 +219,35 @@ def _changes(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Ch
         every = [(list(range(len(names))), f"all {unit}")] if len(names) > 1 else []
         for which, words in some + every:
             yield change("sign", which, f"the sign of {words} is turned", -1.0)
-            for factor in _INPUTS if change is pushed else _POSITIONS if len(which) == len(names) else ():
+            for factor in _INPUTS if change is pushed else ():
                 yield change(
                     "unit", which, f"{words} {'is' if len(which) == 1 else 'are'} taken times {factor:g}", factor
                 )
+    if lengths := np.flatnonzero(~is_angle).tolist():
+        for factor in _LENGTHS:
+            yield moved("unit", lengths, f"lengths and their velocities are taken times {factor:g}", factor)
     if angles := np.flatnonzero(is_angle).tolist():
         yield moved("unit", angles, "angles are taken to be in degrees", 1 / _DEGREES)
         yield moved("unit", angles, "angles are taken to be in radians", _DEGREES)
-    for i, j in combinations(range(len(q)), 2):
-        if is_angle[i] == is_angle[j]:
-            order = _exchanged(len(q), i, j)
-            yield _Change(
-                "order",
-                q[i],
-                f"`{q[i]}` and `{q[j]}` are exchanged",
-                lambda each, order=order: dataclasses.replace(each, q=each.q[:, order], rates=each.rates[:, order]),
-            )
-    for i, j in combinations(range(len(u)), 2):
-        order = _exchanged(len(u), i, j)
-        yield _Change(
-            "order",
-            u[i],
-            f"`{u[i]}` and `{u[j]}` are exchanged",
-            lambda each, order=order: dataclasses.replace(each, us=each.us[:, order]),
-        )
 
 
-def _exchanged(count: int, i: int, j: int) -> list[int]:
-    """So many columns, two of them exchanged."""
-    order = list(range(count))
-    order[i], order[j] = j, i
-    return order
+def _orders(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Change]:
+    """Two columns of a kind that are exchanged."""
+    for names, kinds, fields in (
+        (dataset.position_names, is_angle, ("q", "rates")),
+        (dataset.input_names, np.zeros(len(dataset.input_names), bool), ("us",)),
+    ):
+        for i, j in combinations(range(len(names)), 2):
+            if kinds[i] == kinds[j]:
+                order = list(range(len(names)))
+                order[i], order[j] = j, i
+
+                def exchanged(
+                    each: Trajectory, order: Sequence[int] = order, fields: Sequence[str] = fields
+                ) -> Trajectory:
+                    return dataclasses.replace(each, **{field: getattr(each, field)[:, order] for field in fields})
+
+                yield _Change("order", names[i], f"`{names[i]}` and `{names[j]}` are exchanged", exchanged)
 
 
 def _odd_ones(files: _Files, changes: Sequence[_Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
@@ -282,14 +282,14 @@ def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[_Chang
         return name not in unlike, -float(np.linalg.norm(files[name].told.rows.pushed))
 
     found: list[tuple[int, str, _Answer]] = []
+    others = dict(zip(files, _all_but_one([file.told for file in files.values()]), strict=True))
     for name in sorted(files, key=unlikely)[:_TRIED]:
+        answer = _mended(others[name], files[name], changes)
+        if answer is None:
+            continue
         rest = {other: file for other, file in files.items() if other != name}
         left = len(_unlike(rest, _NOTHING)) if len(rest) > 1 else 0
-        if 2 * left > len(rest):  # They do not even agree among themselves.
-            continue
-        others = functools.reduce(_Told.joined, (file.told for file in rest.values()))
-        answer = _mended(others, files[name], changes)
-        if answer is not None:
+        if 2 * left <= len(rest):  # Else these do not even agree among themselves.
             found.append((left, name, answer))
     if not found:
         return None
