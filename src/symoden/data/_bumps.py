@@ -44,8 +44,6 @@ class Bumps(NamedTuple):
         # are (u[k−1] + u[k]) / 2, as it acts half a step later than its row.
         ts = self.recording.ts
         at = ts[self.samples] - delay
-        if not self.given.shape[1]:
-            return np.zeros((len(at), 0))
 
         def integral(until: Float[np.ndarray, "B s"]) -> Float[np.ndarray, "B s m"]:
             return np.stack([np.interp(until, ts, column) for column in self.given.T], axis=2)
@@ -128,7 +126,17 @@ def unexplained(parts: Sequence[Bumps], delay: float = 0.0) -> Float[np.ndarray,
 
 
 def under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray, *, held: bool) -> Bumps:
-    """Integrate a recording under bumps (1 − x²)²."""
+    """Integrate a recording under bumps (1 − x²)².
+
+    Args:
+        recording: The recording.
+        samples: Its samples under each bump.
+        is_angle: Whether each coordinate is an angle.
+        held: Whether inputs are held until the next sample.
+
+    Returns:
+        The recording under these bumps.
+    """
     at, q = recording.ts[samples], recording.q[:, is_angle]
     span, times = at[:, -1:] - at[:, :1], np.gradient(at, axis=1)
     x = 2 * (at - at[:, :1]) / span - 1

@@ -14,7 +14,7 @@ from ._dataset import Dataset
 from ._findings import Finding, Kind
 from ._trajectory import Trajectory
 
-_LITTLE: Final = 0.1  # Share of the accelerations' mean square that is left: the others tell little of the file.
+_WELL: Final = 0.1  # Share of the accelerations' mean square that is left: the others tell the file well as it is.
 _MOST: Final = 0.5  # The same: they tell most of it.
 _NOTHING: Final = 1.0  # The same: they tell nothing.
 _LESS: Final = 0.33  # Of what is left as it is, and without some input: or it is this that the others misjudge.
@@ -103,23 +103,16 @@ class _Law(NamedTuple):
 
     def least_without(self, told: _Told, inputs: int) -> float:
         """The least share that it leaves without one of the inputs, or all of them."""
+        shape = told.rows.pushed.shape
         pushed = told.rows.pushed.reshape(len(told.rows.pushed), inputs, -1)
-        rows = [
-            told.rows._replace(pushed=(pushed * kept[:, None]).reshape(told.rows.pushed.shape))
-            for kept in _left_out(inputs)
-        ]
-        return min((self.left(told._replace(rows=each)) for each in rows), default=np.inf)
+        every = [(pushed * kept[:, None]).reshape(shape) for kept in (*(1 - np.eye(inputs)), np.zeros(inputs))]
+        return min(self.left(told._replace(rows=told.rows._replace(pushed=each))) for each in every)
 
     def left(self, told: _Told) -> float:
         """Share of a file's accelerations, in their mean square, that it leaves."""
         causes = np.concatenate([told.rows.motion, told.rows.pushed], axis=1)
         gained = told.rows.gained / self.scale
         return float(np.sum((gained - causes @ self.effects) ** 2) / max(np.sum(gained**2), np.finfo(float).tiny))
-
-
-def _left_out(count: int) -> list[Float[np.ndarray, " m"]]:
-    """Factors that leave out one of so many, or all."""
-    return [*(1 - np.eye(count)), np.zeros(count)] if count else []
 
 
 def _size(columns: Float[np.ndarray, "B k"], bumps: int) -> Float[np.ndarray, " k"]:
@@ -176,7 +169,7 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]
     A column is turned, written in another unit, or exchanged with another one from one day to the next. A model learns
     the mean of both, and no single file looks wrong. Accelerations under bumps are explained by functions of single
     positions, friction, products of velocities and the inputs, which may turn with angles. A file is named if what the
-    others tell explains little of its accelerations, and most of them as soon as one such change is made.
+    others tell explains most of its accelerations with one such change, and leaves three times as much without.
 
     Args:
         dataset: Recordings as training sees them.
@@ -253,7 +246,7 @@ def _orders(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Cha
 def _odd_ones(files: _Files, changes: Sequence[_Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
     """Files without which the others agree, and the last two where these do not, so that either may be wrong."""
     agree, odd = dict(files), {}
-    while len(agree) > 1 and (unlike := _unlike(agree, _LITTLE)):
+    while len(agree) > 1 and (unlike := _unlike(agree, _WELL)):
         found = _most_at_odds(agree, unlike, changes)
         if found is None:
             break
@@ -265,7 +258,7 @@ def _odd_ones(files: _Files, changes: Sequence[_Change]) -> tuple[dict[str, _Ans
 
 
 def _unlike(files: _Files, most: float) -> list[str]:
-    """Files of whose accelerations the others leave more than so much."""
+    """Files of whose accelerations the others leave a larger share than that."""
     others = _all_but_one([file.told for file in files.values()])
     return [
         name
@@ -298,10 +291,10 @@ def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[_Chang
 
 
 def _mended(others: _Told, file: _File, changes: Sequence[_Change]) -> _Answer | None:
-    """What has to be changed for the others to tell most of a file, if they tell little of it as it is."""
+    """What has to be changed for the others to tell most of a file, of which they leave three times as much now."""
     law = _Law.of(others)
     as_it_is = law.left(file.told)
-    if as_it_is <= _LITTLE:
+    if as_it_is <= _WELL:
         return None
     left = [law.left(file.mended(change)) for change in changes]
     least = min(left)

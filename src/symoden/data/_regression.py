@@ -31,20 +31,6 @@ def unseen_residuals(
     )
 
 
-def least_squares(regressors: Float[np.ndarray, "T k"], targets: Float[np.ndarray, "T n"]) -> Float[np.ndarray, "k n"]:
-    """Solve a regression, whatever the units of its columns.
-
-    Args:
-        regressors: A column for each number of the regression.
-        targets: What to explain.
-
-    Returns:
-        The numbers; zero along what nothing tells.
-    """
-    size = sizes(regressors)
-    return np.linalg.lstsq(regressors / size, targets, rcond=RANK)[0] / size[:, None]
-
-
 def sizes(regressors: Float[np.ndarray, "T k"]) -> Float[np.ndarray, " k"]:
     """What to divide columns of several units by.
 
