@@ -26,7 +26,6 @@ _EACH, _ALL = 300, 6000  # Bumps of a file, for the 140 numbers of six joints; o
 _CHANGED: Final = 60  # Bumps of a file that are laid anew for each of up to a hundred changes.
 _TRIED: Final = 12  # Files that may be the one without which the others agree.
 _NAMED: Final = 3  # Changes.
-_INPUTS: Final = (1e3, 1e-3)  # Milliamperes, newton millimetres.
 _LENGTHS: Final = (1e3, 1e-3, 1e2, 1e-2)  # Millimetres, centimetres.
 _DEGREES: Final = 180 / np.pi
 
@@ -45,6 +44,32 @@ class _Change(NamedTuple):
     column: str
     words: str
     mend: Callable[[Trajectory], Trajectory]
+
+
+class _Columns(NamedTuple):
+    """Columns of one meaning.
+
+    Attributes:
+        names: Their names.
+        fields: What a recording has of them.
+    """
+
+    names: tuple[str, ...]
+    fields: tuple[str, ...]
+
+    def changed(self, kind: Kind, first: int, words: str, change: Callable[[np.ndarray], np.ndarray]) -> _Change:
+        """The same change of all that a recording has of them."""
+        return _Change(
+            kind,
+            self.names[first],
+            words,
+            lambda each: dataclasses.replace(each, **{field: change(getattr(each, field)) for field in self.fields}),
+        )
+
+
+def _columns(dataset: Dataset) -> tuple[_Columns, _Columns]:
+    """Positions with their velocities, and inputs."""
+    return _Columns(dataset.position_names, ("q", "rates")), _Columns(dataset.input_names, ("us",))
 
 
 class _Told(NamedTuple):
@@ -195,52 +220,41 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]
 
 def _factors(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Change]:
     """Signs and units of columns."""
-    q, u = dataset.position_names, dataset.input_names
 
-    def moved(kind: Kind, which: Sequence[int], words: str, factor: float) -> _Change:
-        by = np.where(np.isin(np.arange(len(q)), which), factor, 1.0)
-        return _Change(
-            kind, q[which[0]], words, lambda each: dataclasses.replace(each, q=each.q * by, rates=each.rates * by)
-        )
+    def times(factor: float, kind: Kind, columns: _Columns, which: Sequence[int], words: str) -> _Change:
+        by = np.where(np.isin(np.arange(len(columns.names)), which), factor, 1.0)
+        return columns.changed(kind, which[0], words, lambda signal: signal * by)
 
-    def pushed(kind: Kind, which: Sequence[int], words: str, factor: float) -> _Change:
-        by = np.where(np.isin(np.arange(len(u)), which), factor, 1.0)
-        return _Change(kind, u[which[0]], words, lambda each: dataclasses.replace(each, us=each.us * by))
-
-    for names, change, unit in ((q, moved, "positions and velocities"), (u, pushed, "inputs")):
-        some = [([i], f"`{name}`" + (" and its velocity" if change is moved else "")) for i, name in enumerate(names)]
-        every = [(list(range(len(names))), f"all {unit}")] if len(names) > 1 else []
-        for which, words in some + every:
-            yield change("sign", which, f"the sign of {words} is turned", -1.0)
-            for factor in _INPUTS if change is pushed else ():
-                yield change(
-                    "unit", which, f"{words} {'is' if len(which) == 1 else 'are'} taken times {factor:g}", factor
-                )
+    positions, inputs = _columns(dataset)
+    for columns, each, every, units in (
+        (positions, "`{}` and its velocity", "all positions and velocities", ()),
+        (inputs, "`{}`", "all inputs", (1e3, 1e-3)),  # Milliamperes, newton millimetres.
+    ):
+        which = [([i], each.format(name), "is") for i, name in enumerate(columns.names)]
+        if len(columns.names) > 1:
+            which.append((list(range(len(columns.names))), every, "are"))
+        for some, words, verb in which:
+            yield times(-1.0, "sign", columns, some, f"the sign of {words} is turned")
+            for factor in units:
+                yield times(factor, "unit", columns, some, f"{words} {verb} taken times {factor:g}")
     if lengths := np.flatnonzero(~is_angle).tolist():
         for factor in _LENGTHS:
-            yield moved("unit", lengths, f"lengths and their velocities are taken times {factor:g}", factor)
+            words = f"lengths and their velocities are taken times {factor:g}"
+            yield times(factor, "unit", positions, lengths, words)
     if angles := np.flatnonzero(is_angle).tolist():
-        yield moved("unit", angles, "angles are taken to be in degrees", 1 / _DEGREES)
-        yield moved("unit", angles, "angles are taken to be in radians", _DEGREES)
+        yield times(1 / _DEGREES, "unit", positions, angles, "angles are taken to be in degrees")
+        yield times(_DEGREES, "unit", positions, angles, "angles are taken to be in radians")
 
 
 def _orders(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Change]:
     """Two columns of a kind that are exchanged."""
-    for names, kinds, fields in (
-        (dataset.position_names, is_angle, ("q", "rates")),
-        (dataset.input_names, np.zeros(len(dataset.input_names), bool), ("us",)),
-    ):
-        for i, j in combinations(range(len(names)), 2):
+    for columns, kinds in zip(_columns(dataset), (is_angle, np.zeros(dataset.inputs, bool)), strict=True):
+        for i, j in combinations(range(len(columns.names)), 2):
             if kinds[i] == kinds[j]:
-                order = list(range(len(names)))
-                order[i], order[j] = j, i
-
-                def exchanged(
-                    each: Trajectory, order: Sequence[int] = order, fields: Sequence[str] = fields
-                ) -> Trajectory:
-                    return dataclasses.replace(each, **{field: getattr(each, field)[:, order] for field in fields})
-
-                yield _Change("order", names[i], f"`{names[i]}` and `{names[j]}` are exchanged", exchanged)
+                order = np.arange(len(columns.names))
+                order[[i, j]] = j, i
+                words = f"`{columns.names[i]}` and `{columns.names[j]}` are exchanged"
+                yield columns.changed("order", i, words, lambda signal, order=order: signal[:, order])
 
 
 def _odd_ones(files: _Files, changes: Sequence[_Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
