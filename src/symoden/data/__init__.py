@@ -60,6 +60,7 @@ __all__ = [
     "estimate_velocities",
     "halves",
     "least_lively",
+    "least_motion",
     "measure_noise",
     "read_dataset",
     "resample",
@@ -73,6 +74,7 @@ __all__ = [
     "velocity_noise_gain",
     "window_steps",
     "windows",
+    "with_few_rests",
     "without_poor_ends",
     "write_dataset",
 ]
