@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from symoden.data import Trajectory, choose_spans, estimate_velocities, velocity_noise_gain
+from symoden.evaluation import predict
 from symoden.integrate import HOLDS, RK4
 from symoden.systems import Pendulum
 from symoden.training import find_first_state
@@ -74,3 +76,42 @@ def test_a_model_that_is_wrong_by_more_than_the_noise_moves_it_little(clean):
 def test_it_is_the_measured_one_where_rollouts_diverge(clean):
     shaken = [noisy(recording, k) for k, recording in enumerate(clean)]
     assert np.array_equal(first_states(shaken, Pendulum(damping=1e200)), measured(shaken))
+
+
+def forced(seed, *, noise=1e-3, step=0.015, frequency=10.0, samples=200):
+    """A pendulum under a torque of ten turns a second: as it moves, and as its encoder tells."""
+    generator = np.random.default_rng(seed)
+    ts = step * np.arange(samples)
+    torque = 150 * np.sin(2 * np.pi * frequency * ts + generator.uniform(0, 6))
+    still = Trajectory(
+        name="forced",
+        ts=ts,
+        q=np.full((samples, 1), generator.uniform(-1, 1)),
+        rates=np.full((samples, 1), generator.normal()),
+        us=torque[:, None],
+    )
+    (path,) = predict(TRUTH, [still])
+    q = path.q + noise * generator.normal(size=path.q.shape)
+    spans = choose_spans([ts], [q])
+    seen = dataclasses.replace(
+        still,
+        q=q,
+        rates=estimate_velocities(ts, q, name="forced", spans=spans),
+        noise_gain=velocity_noise_gain(ts, spans),
+        one_sided=int(spans[0]) // 2 * step,
+    )
+    return dataclasses.replace(still, q=path.q, rates=path.rates), seen
+
+
+@pytest.mark.parametrize("system", [TRUTH, Pendulum(damping=0.25, gravity=9.5)])
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_estimated_rates_do_not_hold_it_where_they_are_poor(system, noise):
+    moved, seen = zip(*(forced(seed, noise=noise) for seed in range(6)), strict=True)
+    before, after = error(measured(seen), moved)[1], error(first_states(seen, system), moved)[1]
+    assert before > 1.0
+    assert after < 0.1 * before
+
+
+def test_of_good_estimates_the_first_one_is_taken():
+    _, seen = forced(0, step=0.001, samples=500, noise=1e-5)
+    assert np.array_equal(first_states([seen]), measured([seen]))

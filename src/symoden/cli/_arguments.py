@@ -120,7 +120,8 @@ class Predict:
     For each recording the file holds PART:NAME/ts (T,) [s], PART:NAME/q, …/rates, …/u as recorded, and …/q_predicted,
     …/rates_predicted (T, n), such as test:swing#1/q_predicted; rates are velocities or momenta as in the data. PART is
     train, validation, test or, of a task, prediction. The first state is the measured one; where the data set
-    has `initial_samples` above 1, it is found from these with the model.
+    has `initial_samples` above 1, or velocities are estimated and poor at the ends, it is found from the first samples
+    with the model.
 
     With --bands the file also holds …/q_half_width (T, n), half of the 90 % band of q_predicted over its first second,
     and NaN after that: bands are judged over windows of a second, as `evaluate` has them. Such windows go along the

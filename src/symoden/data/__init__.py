@@ -5,6 +5,7 @@ from ._dataset import Dataset as Dataset
 from ._errors import DataError as DataError, DataWarning as DataWarning
 from ._facts import ChannelFacts as ChannelFacts
 from ._findings import Finding as Finding
+from ._first_samples import first_samples as first_samples, rate_errors_at_ends as rate_errors_at_ends
 from ._horizons import (
     ADAM_WINDOWS as ADAM_WINDOWS,
     LEVENBERG_WINDOWS as LEVENBERG_WINDOWS,
@@ -28,7 +29,10 @@ from ._time_scale import least_lively as least_lively, time_scales as time_scale
 from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory
 from ._unreadable import Unreadable as Unreadable
-from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
+from ._velocities import (
+    estimate_velocities as estimate_velocities,
+    velocity_noise_gain as velocity_noise_gain,
+)
 from ._windows import (
     Windows as Windows,
     least_motion as least_motion,
@@ -58,10 +62,12 @@ __all__ = [
     "check_trainable",
     "choose_spans",
     "estimate_velocities",
+    "first_samples",
     "halves",
     "least_lively",
     "least_motion",
     "measure_noise",
+    "rate_errors_at_ends",
     "read_dataset",
     "resample",
     "segments",

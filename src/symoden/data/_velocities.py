@@ -78,6 +78,33 @@ def velocity_noise_gain(ts: Times, spans: Int[np.ndarray, " n"]) -> Float64[np.n
     return np.sqrt(np.array(variances, dtype=np.float64))
 
 
+def one_sided_errors(ts: Times, q: Positions, *, span: int) -> Float64[np.ndarray, " n"]:
+    """How far velocities are off that are estimated from samples on one side alone, as at a recording's ends.
+
+    Every window inside ends somewhere: what its cubic says of its first and last sample is compared with what the one
+    around that sample says, which is far more accurate.
+
+    Args:
+        ts: Time stamps [s].
+        q: Positions; angles without jumps.
+        span: Number of samples that the fit spans, an odd one.
+
+    Returns:
+        Root mean square of the difference, for each coordinate; NaN where the recording is shorter than two windows.
+    """
+    span = max(span, LEAST)
+    if len(ts) < 2 * span:
+        return np.full(q.shape[1], np.nan)
+    cubics, reach = fit_span(ts, q, span), span // 2
+    centres = np.searchsorted(ts, cubics.ts)
+    errors = []
+    for edge in (centres - reach, centres + reach):
+        which = np.flatnonzero((edge >= reach) & (edge < len(ts) - reach))
+        at = ts[edge[which]]
+        errors.append(cubics.slopes(at, which) - cubics.slopes(at, cubics.near(at)))
+    return np.sqrt(np.mean(np.concatenate(errors, axis=1) ** 2, axis=1))
+
+
 def averaged_noise_gain(ts: Times, gains: Float64[np.ndarray, " n"], *, averaged: float) -> Float64[np.ndarray, " n"]:
     """Gain in noise of estimated velocities, where positions and velocities are averaged afterwards.
 

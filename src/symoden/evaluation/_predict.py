@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from symoden.blocks import without_silent
-from symoden.data import Trajectory
+from symoden.data import Trajectory, first_samples
 from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.training import FEWEST_SUBSTEPS, find_first_state
@@ -42,7 +42,7 @@ def predict(
 ) -> list[Prediction]:
     """Roll out recordings from their first states under their inputs.
 
-    The first state is the measured one; where there are more `initial_samples`, it is found from these
+    The first state is the measured one; where more `first_samples` tell it, it is found from these
     (`find_first_state`), unless the rollout from there diverges.
 
     Args:
@@ -82,7 +82,7 @@ def predict(
 
 def _begun(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
     """A recording that begins in the state that its initial samples tell; the same one where it has one such sample."""
-    if recording.initial_samples == 1:
+    if first_samples(recording) == 1:
         return recording
     first = find_first_state(model, recording, hold=hold, solver=solver)
     q, rates = (

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from symoden.data import Dataset, Trajectory, least_lively
+from symoden.data import Dataset, Trajectory, first_samples, least_lively
 from symoden.integrate import HOLDS, AbstractSolver
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
@@ -95,7 +95,7 @@ def score_recordings(
 ) -> tuple[RecordingScore, ...]:
     """Score a model on measured recordings.
 
-    Scoring starts after the `initial_samples` of a recording. A window's first sample is where its rollout starts, so
+    Scoring starts after the `first_samples` of a recording. A window's first sample is where its rollout starts, so
     it is not scored. Windows are 1 s long, or shorter where all recordings of a part are (`horizon_of`).
 
     Args:
@@ -136,7 +136,8 @@ def score_recordings(
 
 def _whole_squares(path: Prediction, recording: Trajectory) -> Float[np.ndarray, " n"]:
     """Mean squares of the errors of the rollout of a whole recording."""
-    return _mean_squares(path.q[recording.initial_samples :], recording.q[recording.initial_samples :])
+    scored = slice(first_samples(recording), None)
+    return _mean_squares(path.q[scored], recording.q[scored])
 
 
 def _ranges(dataset: Dataset) -> Float[np.ndarray, " n"]:

@@ -5,7 +5,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from symoden.data import Dataset, Trajectory
+from symoden.data import Dataset, Trajectory, first_samples
 
 HORIZON: Final = 1.0
 """Length of a window, if recordings are as long [s]."""
@@ -47,7 +47,7 @@ def horizon_of(dataset: Dataset) -> float:
 
 
 def short_windows(recording: Trajectory, horizon: float = HORIZON) -> list[tuple[int, int]]:
-    """Find the windows of a length, started every quarter of it after the `initial_samples`.
+    """Find the windows of a length, started every quarter of it after the `first_samples`.
 
     Args:
         recording: Any recording.
@@ -67,4 +67,4 @@ def short_windows(recording: Trajectory, horizon: float = HORIZON) -> list[tuple
 
 def _elapsed(recording: Trajectory) -> Float[np.ndarray, " T"]:
     """Time since the last of the initial samples [s]."""
-    return recording.ts - recording.ts[recording.initial_samples - 1]
+    return recording.ts - recording.ts[first_samples(recording) - 1]

@@ -8,7 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from symoden.data import SensorNoise, Trajectory, least_lively, measure_noise, windows
+from symoden.data import (
+    SensorNoise,
+    Trajectory,
+    first_samples,
+    least_lively,
+    measure_noise,
+    rate_errors_at_ends,
+    windows,
+)
 from symoden.integrate import AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Scalar
@@ -25,25 +33,28 @@ _FINEST: Final = 1e-3  # Of a channel's spread: no model is as good as better se
 def find_first_state(
     dynamics: AbstractDynamics, recording: Trajectory, *, hold: Hold, solver: AbstractSolver
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
-    """Find the state from which the rollout over a recording's `initial_samples` fits them best.
+    """Find the state from which the rollout over a recording's `first_samples` fits them best.
 
     Least squares, every channel in units of its sensor's noise, by Gauss-Newton from the measured state. Beside a model
-    that leaves open more than the noise, the first measurement counts for more than the others.
+    that leaves open more than the noise, the first measurement counts for more than the others. Of rates that were
+    estimated from positions each counts for as much as an estimate at an end is worth, beside the positions themselves.
 
     Args:
         dynamics: Model.
-        recording: A recording; its noise is measured along all of it, its first state found from the `initial_samples`.
+        recording: A recording; its noise is measured along all of it, its first state found from the `first_samples`.
         hold: How inputs act between samples.
         solver: Advances the state between samples.
 
     Returns:
-        Coordinates and rates; as measured where there is one initial sample, no noise is seen, or the rollout diverges.
+        Coordinates and rates; as measured where there is one such sample, no noise is seen in measured rates, or the
+        rollout diverges.
     """
-    if recording.initial_samples == 1 or not (noise := measure_noise([recording])).is_seen:
+    samples, noise = first_samples(recording), measure_noise([recording])
+    if samples == 1 or not (noise.is_seen or recording.noise_gain is not None):
         return recording.q[0], recording.rates[0]
     weights, sensors = _channels(recording, noise, dynamics.space)
     objective = Objective(jnp.asarray(weights), solver, hold, noise=jnp.asarray(sensors), level=jnp.asarray(1.0))
-    batch = Batch.of(windows([recording], recording.initial_samples - 1, stride=len(recording)))
+    batch = Batch.of(windows([recording], samples - 1, stride=len(recording)))
     window = jax.tree.map(lambda x: x[0], batch)
     q, rates = np.split(np.asarray(_found(dynamics, objective, window), float), 2)
     return q, rates
@@ -53,7 +64,8 @@ def _channels(
     recording: Trajectory, noise: SensorNoise, space: Space
 ) -> tuple[Float[np.ndarray, " o"], Float[np.ndarray, " o"]]:
     """Weight of every observed channel, and the noise of its sensor."""
-    sensors = np.concatenate([noise.q, noise.rates])
+    rates = noise.rates if recording.noise_gain is None else rate_errors_at_ends(recording)
+    sensors = np.concatenate([noise.q, rates])
     spreads = [np.std(signals, axis=0) for signals in (recording.q, recording.rates)]
     finest = _FINEST * np.concatenate([np.maximum(each, least_lively(each, space.is_angle)) for each in spreads])
     finest[space.angles] = np.minimum(finest[space.angles], _FINEST)  # They are seen on the unit circle.
