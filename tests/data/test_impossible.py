@@ -49,6 +49,15 @@ def test_a_placeholder_is_known_whatever_its_unit(tmp_path):
     assert "1 placeholder for missing numbers, first at line 302 (row 300): -9999" in check.findings[0].text
 
 
+@pytest.mark.parametrize("more", ["zeros = {u1 = 2048}", "units = {u1 = 0.0045}\nzeros = {u1 = 2048}"])
+def test_a_placeholder_is_known_whatever_its_zero(tmp_path, more):
+    log = arm(samples=500)
+    log[:, 5] = np.round(log[:, 5] * 100) + 2048
+    log[300, 5] = 65535
+    (check,) = check_dataset(written(tmp_path, log, more=more)).recordings
+    assert "1 placeholder for missing numbers, first at line 302 (row 300): 65535" in check.findings[0].text
+
+
 @pytest.mark.parametrize("levels", [(0, 999), (-999, 0, 999), (0, 500, 999), (999, 998.5)])
 def test_commands_that_are_large_are_no_placeholders(tmp_path, levels):
     log = arm(samples=500)

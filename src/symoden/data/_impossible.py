@@ -10,6 +10,7 @@ import numpy as np
 from ._limits import LARGEST_NUMBER
 from ._readers import Rows
 from ._tables import place
+from ._units import of_column
 
 _NINES: Final = tuple(10.0**k - 1 for k in range(3, 10))
 _FULL: Final = tuple(2.0**k - 1 for k in (15, 16, 31, 32, 63, 64))  # Of counters; below zero they reach one further.
@@ -54,12 +55,15 @@ class Impossible:
         return f"{len(self.rows)} {what}"
 
 
-def without_impossible(rows: Rows, units: Mapping[str, float]) -> tuple[Rows, tuple[Impossible, ...]]:
+def without_impossible(
+    rows: Rows, units: Mapping[str, float], zeros: Mapping[str, float]
+) -> tuple[Rows, tuple[Impossible, ...]]:
     """Put NaN for every number that no machine has.
 
     Args:
         rows: Rows of a file, in SI and rad.
         units: What their columns were multiplied by for that, where it is not 1.
+        zeros: What was subtracted from them before, where it is not 0.
 
     Returns:
         The rows, and these numbers.
@@ -71,7 +75,7 @@ def without_impossible(rows: Rows, units: Mapping[str, float]) -> tuple[Rows, tu
             huge = np.flatnonzero(np.abs(column) > LARGEST_NUMBER)
             for at, value in (
                 *([(huge, column[huge[0]])] if len(huge) else []),
-                *(() if role == "time" else _placeholders(column, units.get(name, 1.0))),
+                *(() if role == "time" else _placeholders(column / _of(name, units, 1.0) + _of(name, zeros, 0.0))),
             ):
                 where = place(rows.path, int(rows.index[at[0]]))
                 of = Impossible(channel=name, rows=at, first=float(value), place=where, placeholder=at is not huge)
@@ -80,10 +84,16 @@ def without_impossible(rows: Rows, units: Mapping[str, float]) -> tuple[Rows, tu
     return dataclasses.replace(rows, signals=kept), tuple(found)
 
 
-def _placeholders(column: np.ndarray, factor: float) -> Iterator[tuple[np.ndarray, float]]:
-    """Rows and value of those numbers that loggers write for missing ones, and that are far from all others."""
+def _of(name: str, numbers: Mapping[str, float], default: float) -> float:
+    """Number of a column."""
+    number = of_column(name, numbers)
+    return default if number is None else number
+
+
+def _placeholders(column: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
+    """Rows and value of those numbers, as files have them, that loggers write for missing ones, far from all others."""
     there = np.flatnonzero(np.abs(column) <= LARGEST_NUMBER)
-    raw = column[there] / factor
+    raw = column[there]
     largest = np.abs(raw).max(initial=0.0)
     for value in _PLACEHOLDERS[np.abs(_PLACEHOLDERS) <= largest * (1 + _ROUNDED)]:
         same = np.abs(raw - value) <= _ROUNDED * abs(value)

@@ -258,7 +258,7 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
             + (": name the others by `recordings`." if rows.label else ".")
         )
     rows, repeats = _without_repeats(rows)
-    rows, impossible = without_impossible(rows, description.units)
+    rows, impossible = without_impossible(rows, description.units, description.zeros)
     q, rates = rows.signals["positions"], rows.signals.get("rates")
     _refuse_other_size(rows.path, description.space, is_angle, q.shape[1])
     if rates is not None and rates.shape != q.shape:
