@@ -82,3 +82,29 @@ def test_few_rows_tell_no_delay(tmp_path):
 def test_noise_hides_it_and_nothing_is_said(tmp_path):
     pendulum(tmp_path, 0.1, noise=0.3)
     assert described(tmp_path) == []
+
+
+def servo(path, *, seed, frequency, lag, samples=2000, dead=0.5):
+    """A drive with a lag and a dead zone under a sine, which periods later is the same."""
+    rng = np.random.default_rng(seed)
+    ts = STEP * np.arange(samples)
+    u = 3 * np.sin(2 * np.pi * frequency * ts + rng.uniform(0, 6))
+    states = np.zeros((samples, 2))
+    q = v = drive = 0.0
+    for k in range(samples):
+        states[k] = q, v
+        for _ in range(10):
+            drive += STEP / 10 * (u[k] - drive) / lag
+            v += STEP / 10 * (60 * np.sign(drive) * max(abs(drive) - dead, 0.0) - 10 * v)
+            q += STEP / 10 * v
+    measured = states + rng.normal(0, 1e-3, states.shape) * [1, 3]
+    np.savetxt(path / "run.csv", np.column_stack([ts, measured, u]), delimiter=",", header="t,q,v,u", comments="")
+
+
+@pytest.mark.parametrize("frequency", [5.0, 7.0, 10.0])
+@pytest.mark.parametrize("lag", [0.03, 0.05])
+def test_periods_later_a_periodic_input_is_no_delay(tmp_path, frequency, lag):
+    for seed in range(3):
+        servo(tmp_path, seed=seed, frequency=frequency, lag=lag)
+        for one in described(tmp_path):
+            assert float(one.advice.partition("`input_delay = ")[2].partition("`")[0]) < 0.5 / frequency

@@ -15,6 +15,7 @@ _FINEST: Final = 0.005  # [s] between delays that are tried; half a step else.
 _LESS: Final = (
     0.5  # Share of what was left that is left with the delay: 0.3 on a measured aeropendulum, elsewhere 0.67.
 )
+_WORSE: Final = 1.5  # Times what is left without, that a shorter delay may leave.
 _EXPLAINED: Final = 0.3  # Share of the accelerations' variance that may be left then.
 
 
@@ -23,7 +24,8 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
 
     Accelerations under short bumps are predicted by what a mechanism has: functions of single positions, friction,
     products of velocities, and inputs, which may turn with a joint. Every other stretch is predicted from the rest. In
-    the weak form no velocity is differentiated: ∫ w dv = −∫ w′ v dt.
+    the weak form no velocity is differentiated: ∫ w dv = −∫ w′ v dt. Periods later a periodic input is the same: what is
+    far worse in between is no delay.
 
     Args:
         dataset: Recordings as training sees them.
@@ -42,10 +44,12 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
         return []
     every = np.arange(0.0, longest, max(step / 2, _FINEST))
     left = [np.mean(unexplained(parts, delay), axis=0) for delay in every]
-    now, best = left[0], int(np.argmin([np.mean(each) for each in left]))
+    means = np.mean(left, axis=1)
+    now, best = left[0], int(np.argmin(means))
     then, delay = left[best], float(every[best])
     interior = delay > step / 2 and best < len(every) - 1
-    if not interior or np.mean(then) > min(_EXPLAINED, _LESS * np.mean(now)) or (then > 1.05 * now).any():
+    less = means[best] <= min(_EXPLAINED, _LESS * means[0])
+    if not (interior and less) or (then > 1.05 * now).any() or means[:best].max() > _WORSE * means[0]:
         return []
     total = [float(f"{each + delay:.4g}") for each in delays]
     said = f"{total[0]:g}" if len(total) == 1 else f"[{', '.join(f'{each:g}' for each in total)}]"
