@@ -105,3 +105,16 @@ def test_a_clock_of_seconds_that_is_said_to_have_another_unit_is_named(tmp_path,
 def test_logs_of_different_rates_have_nothing_wrong(tmp_path_factory, steps):
     path = written(tmp_path_factory.mktemp("rates"), *((step, 1) for step in steps))
     assert not any(each.kind == "unit" for one in check_dataset(path).recordings for each in one.findings)
+
+
+@pytest.mark.parametrize(("dt", "right", "unit"), [(10, 0.01, "milli"), (2000, 0.002, "micro"), (5e6, 0.005, "nano")])
+def test_rows_that_are_far_apart_are_named_with_what_dt_should_be(tmp_path, dt, right, unit):
+    path = written(tmp_path, (0.005, 1), (0.005, 1))
+    path.write_text(TEXT.replace('time = "t [x]"', f"dt = {dt}"))
+    for each in check_dataset(path).recordings:
+        (finding,) = each.findings
+        assert (finding.kind, finding.level) == ("unit", "warning")
+        assert f"is it in {unit}seconds?" in finding.text
+        assert finding.advice.startswith(f"Write `dt = {right:g}`")
+    path.write_text(TEXT.replace('time = "t [x]"', f"dt = {right}"))
+    assert not any(each.findings for each in check_dataset(path).recordings)

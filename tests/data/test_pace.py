@@ -1,5 +1,6 @@
-"""A swing that is sampled far faster than it moves is said to be, with the step that is enough."""
+"""A swing that is sampled far faster than it moves, or too slowly, is said to be."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from symoden.data import Dataset, Trajectory
-from symoden.data._pace import find_fast_sampling
+from symoden.data._pace import find_fast_sampling, find_slow_sampling
 from symoden.spaces import Space
 from symoden.training import time_scale
 
@@ -57,3 +58,27 @@ def test_what_is_short_fast_noisy_or_absent_is_not(data):
 
 def test_a_machine_at_rest_is_not():
     assert find_fast_sampling(swing(0, 0.001), TURNS) == []
+
+
+@settings(max_examples=20)
+@given(frequency=st.floats(0.5, 100), samples=st.floats(4, 40))
+def test_few_rows_in_a_period_are_told(frequency, samples):
+    data = swing(2 * np.pi * frequency, 1 / (frequency * samples), samples=2_000)
+    found = find_slow_sampling(data, TURNS)
+    assert len(found) == (samples < 12.4) or 12.2 < samples < 12.6
+    assert all((one.kind, one.level) == ("time", "warning") for one in found)
+
+
+def test_estimated_velocities_are_said_to_be_too_small():
+    data = swing(10, 0.1, samples=2_000)
+    (one,) = find_slow_sampling(data, TURNS)
+    assert "estimated" not in one.advice
+    (run,) = data.train
+    data = dataclasses.replace(data, train=(dataclasses.replace(run, noise_gain=1.0),))
+    (one,) = find_slow_sampling(data, TURNS)
+    assert "estimated too small" in one.advice
+
+
+def test_nothing_is_too_slow_for_what_is_absent_or_rests():
+    assert find_slow_sampling(Dataset(name="none", space="T2", train=(), test=swing(3, 0.001).train), TURNS) == []
+    assert find_slow_sampling(swing(0, 0.001), TURNS) == []

@@ -26,7 +26,7 @@ from ._left_out import find_absent, find_masked, find_merged
 from ._lengths import find_short
 from ._logs import Log, angles
 from ._masking import Mask
-from ._pace import find_fast_sampling
+from ._pace import find_fast_sampling, find_slow_sampling
 from ._read_dataset import assemble
 from ._recordings import recordings_of
 from ._survey import Survey, survey
@@ -173,7 +173,8 @@ def _assembled(
     late = find_late_inputs(dataset, description.input_delay, is_angle)
     inputs = *find_feedback(dataset, is_angle), *(late or find_other_hold(dataset, is_angle))
     signs = *find_input_signs(dataset, description, is_angle), *find_contradictions(dataset, is_angle)
-    return [*find_copies(logs), *find_short(dataset, is_angle), *find_fast_sampling(dataset, is_angle), *inputs, *signs]
+    pace = *find_slow_sampling(dataset, is_angle), *find_fast_sampling(dataset, is_angle)
+    return [*find_copies(logs), *find_short(dataset, is_angle), *pace, *inputs, *signs]
 
 
 def _check(

@@ -29,9 +29,11 @@ def find_other_clocks(logs: Sequence[Log], description: Description) -> tuple[tu
     Returns:
         The findings on each log: one, or none.
     """
+    if description.time is None and description.dt is not None:
+        return (_slow_rows(description.dt, description),) * len(logs)
     steps = [_usual(log) for log in logs]
     known = sorted(step for step in steps if step is not None)
-    if description.time is None or not known:
+    if not known:
         return ((),) * len(logs)
     most = known[(len(known) - 1) // 2]
     others = tuple(
@@ -74,6 +76,22 @@ def _slow(log: Log, step: float, description: Description) -> tuple[Finding, ...
             channel=name,
             text=f"the usual step of `{name}` is {step:.4g} s, long for a mechanism: is it in {word}?",
             advice=advice,
+        ),
+    )
+
+
+def _slow_rows(step: float, description: Description) -> tuple[Finding, ...]:
+    """Rows without time stamps are so far apart that the time between them is hardly in seconds."""
+    if step < _SLOW or description.velocities is not None:
+        return ()
+    factor, word, _ = next((each for each in reversed(_UNITS) if step >= each[0] / 1e3), _UNITS[0])
+    return (
+        Finding(
+            kind="unit",
+            level="warning",
+            channel="",
+            text=f"`dt` is {step:.4g} s, long for a mechanism: is it in {word}?",
+            advice=f"Write `dt = {step / factor:.4g}`: it is in seconds. Nothing need be done if the machine is so slow.",
         ),
     )
 

@@ -13,6 +13,8 @@ _MANY: Final = 60  # samples in a time scale, of which the needed ones are enoug
 _NEEDED: Final = 25
 _LARGE: Final = 20_000  # rows from which on training takes long
 _IDLE: Final = 0.01  # of the liveliest rate: below it are trembling and noise
+_FEWEST: Final = 2.0  # samples in a time scale: of a sine, twelve in a period
+_CHANGE, _OFTEN = 0.25, 0.3  # of the rates' deviation, from row to row; share of the rows
 
 
 def find_fast_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
@@ -46,6 +48,39 @@ def find_fast_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             "as fast.",
         )
     ]
+
+
+def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
+    """Say that the motion is too fast for the rows.
+
+    Args:
+        dataset: Recordings as training sees them.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        One finding, or none.
+    """
+    if not dataset.train:
+        return []
+    step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in dataset.train])))
+    time = float(np.min(time_scales(dataset.train, is_angle, idle=_IDLE)))
+    if time >= _FEWEST * step or not _is_always_fast(dataset):
+        return []
+    text = (
+        f"the motion is fast for the rows of [train]: rates change by about their own size in {time:.2g} s, and rows "
+        f"are {step:.2g} s apart"
+    )
+    advice = "Log faster, or move slower: a sine wants twelve rows a period" + (
+        "." if dataset.train[0].noise_gain is None else ", and from fewer its velocities are estimated too small."
+    )
+    return [Finding(kind="time", level="warning", channel="", text=text, advice=advice)]
+
+
+def _is_always_fast(dataset: Dataset) -> bool:
+    """Whether rates of a coordinate change much from row to row, rather than at a few leaps."""
+    sizes = np.std(np.concatenate([recording.rates for recording in dataset.train]), axis=0)
+    changes = np.concatenate([np.abs(np.diff(recording.rates, axis=0)) for recording in dataset.train])
+    return bool(np.any(np.mean(changes > _CHANGE * sizes, axis=0) > _OFTEN))
 
 
 def _round(step: float) -> float:
