@@ -58,6 +58,17 @@ def test_a_placeholder_is_known_whatever_its_zero(tmp_path, more):
     assert "1 placeholder for missing numbers, first at line 302 (row 300): 65535" in check.findings[0].text
 
 
+def test_a_placeholder_is_known_beside_counts_that_are_off_zero(tmp_path):
+    log = arm(samples=500)
+    log[:, 5] = np.round(30 * np.sin(np.arange(500) / 20)) + 2048
+    log[300, 5] = -9999
+    path = written(tmp_path, log)
+    assert ("impossible", "masked", "u1") in found(path)
+    log[:, 5] = np.round(np.sin(np.arange(500) / 20)) + 1048  # Nor is it one beside numbers of its size.
+    log[300, 5] = 999
+    assert "impossible" not in {kind for kind, *_ in found(written(tmp_path, log))}
+
+
 @pytest.mark.parametrize("levels", [(0, 999), (-999, 0, 999), (0, 500, 999), (999, 998.5)])
 def test_commands_that_are_large_are_no_placeholders(tmp_path, levels):
     log = arm(samples=500)

@@ -69,6 +69,11 @@ def test_few_rows_in_a_period_are_told(frequency, samples):
     assert all((one.kind, one.level) == ("time", "warning") for one in found)
 
 
+@pytest.mark.parametrize(("samples", "told"), [(10, True), (12, True), (13, False), (15, False)])
+def test_twelve_rows_in_a_period_are_enough(samples, told):
+    assert bool(find_slow_sampling(swing(2 * np.pi, 1 / samples, samples=2_000), TURNS)) == told
+
+
 def test_estimated_velocities_are_said_to_be_too_small():
     data = swing(10, 0.1, samples=2_000)
     (one,) = find_slow_sampling(data, TURNS)

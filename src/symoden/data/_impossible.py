@@ -16,7 +16,8 @@ _NINES: Final = tuple(10.0**k - 1 for k in range(3, 10))
 _FULL: Final = tuple(2.0**k - 1 for k in (15, 16, 31, 32, 63, 64))  # Of counters; below zero they reach one further.
 _PLACEHOLDERS: Final = np.array([*_NINES, *(-x for x in _NINES), *_FULL, *(-x - 1 for x in _FULL)])
 _ROUNDED: Final = 1e-7  # What a unit's factor and single precision leave of a number, relative to it.
-_APART: Final = 10.0  # Times the largest of the other numbers.
+_APART: Final = 10.0  # Times the largest of the other numbers; or their range, where these are off zero, such as
+_OFF_ZERO: Final = 3.0  # counts about 2048: then so many times the largest will do.
 _RARE: Final = 0.5  # Share of the samples.
 
 
@@ -99,5 +100,12 @@ def _placeholders(column: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:
         same = np.abs(raw - value) <= _ROUNDED * abs(value)
         others = raw[~same]
         # A command that is on or off has two values, none of them missing.
-        if same.any() and same.mean() < _RARE and np.ptp(others) > 0 and np.abs(others).max() < abs(value) / _APART:
+        if same.any() and same.mean() < _RARE and _is_far(value, others):
             yield there[same], float(value)
+
+
+def _is_far(value: float, others: np.ndarray) -> bool:
+    """Whether a number is far from all others, which differ from each other."""
+    span, largest = np.ptp(others), np.abs(others).max()
+    apart = abs(value - np.median(others)) > _APART * span and abs(value) > _OFF_ZERO * largest
+    return bool(span > 0 and (apart or abs(value) > _APART * largest))
