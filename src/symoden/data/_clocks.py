@@ -91,7 +91,7 @@ def _slow_rows(step: float, description: Description) -> tuple[Finding, ...]:
             level="warning",
             channel="",
             text=f"`dt` is {step:.4g} s, long for a mechanism: is it in {word}?",
-            advice=f"Write `dt = {step / factor:.4g}`: it is in seconds. Nothing need be done if the machine is so slow.",
+            advice=f"Write `dt = {step / factor:.4g}`: it is in seconds. Nothing need be done if the machine is slow.",
         ),
     )
 

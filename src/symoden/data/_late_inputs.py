@@ -24,8 +24,8 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
 
     Accelerations under short bumps are predicted by what a mechanism has: functions of single positions, friction,
     products of velocities, and inputs, which may turn with a joint. Every other stretch is predicted from the rest. In
-    the weak form no velocity is differentiated: ∫ w dv = −∫ w′ v dt. Periods later a periodic input is the same: what is
-    far worse in between is no delay.
+    the weak form no velocity is differentiated: ∫ w dv = −∫ w′ v dt. A periodic input is the same periods later: what
+    is far worse in between is no delay.
 
     Args:
         dataset: Recordings as training sees them.
