@@ -11,6 +11,7 @@ import symoden
 from symoden.data import DataError
 from symoden.data._description import read_description
 from symoden.data._findings import Kind
+from symoden.data._formulas import COLUMNS
 from symoden.data._known import _ROBOT, KEYS as _KNOWN_KEYS
 from symoden.data._readers import _ARRAYS, _TABLES
 from symoden.data._units import UNITS
@@ -44,6 +45,7 @@ def test_every_unit_format_and_finding_is_documented_and_no_other():
     assert first_cells("unit") == sorted(UNITS)
     assert first_cells("ending") == sorted([*_TABLES, *_ARRAYS])
     assert first_cells("`kind` in JSON") == sorted(typing.get_args(Kind))
+    assert first_cells("function of columns") == sorted(COLUMNS.more)
     assert re.search(", ".join(FUNCTIONS).replace(", ", r",\s+"), PAGE)
 
 

@@ -61,9 +61,41 @@ def test_rows_in_which_a_formula_has_no_value_lack_a_number(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("formula", "expected"),
+    [
+        ("sign(v)*pwm**2", np.sign(2 * np.cos(2 * T)) * PWM**2),
+        ("sign(q)", np.sign(Q)),
+        ("min(pwm, 20)", np.minimum(PWM, 20)),
+        ("max(20, pwm) - min(pwm, q)", np.maximum(PWM, 20) - np.minimum(PWM, Q)),
+        ("clip(pwm, 10, 20)", np.clip(PWM, 10, 20)),
+        ("clip(pwm, -q, 20 + q)", np.clip(PWM, -Q, 20 + Q)),
+        ("pwm - clip(pwm, 15, 25)", np.where(PWM < 15, PWM - 15, np.where(PWM > 25, PWM - 25, 0))),
+    ],
+)
+def test_formulas_of_columns_have_functions_that_cannot_be_differentiated(tmp_path, formula, expected):
+    np.testing.assert_allclose(
+        read_dataset(described(tmp_path, f'thrust = "{formula}"')).train[0].us[:, 0], expected, atol=1e-12
+    )
+
+
+def test_where_limits_cross_each_other_a_clipped_number_is_missing(tmp_path):
+    with pytest.warns(UserWarning, match="left out"):
+        data = read_dataset(described(tmp_path, 'thrust = "clip(pwm, 20, pwm)"'))
+    thrusts = np.concatenate([run.us[:, 0] for run in data.train])
+    assert thrusts.min() >= 20
+    assert 0 < len(thrusts) <= np.sum(PWM >= 20) < len(T)
+
+
+@pytest.mark.parametrize(
     ("formulas", "message"),
     [
-        ('thrust = "max(pwm, 3)"', r"`formulas` of `thrust` must be a formula of columns; .*got `,`"),
+        (
+            'thrust = "max(pwm)"',
+            r"`formulas` of `thrust` must be a formula of columns; .* with 1 argument .* takes 2, as in `max\(a, b\)`",
+        ),
+        ('thrust = "sgn(pwm)"', r"sign\(x\), min\(a, b\), max\(a, b\) and clip\(x, .*Did you mean `sign\(x\)`\?$"),
+        ('thrust = "2*clip(pwm, 5, -5)"', r"`thrust` must clip between a lower .* got '2\*clip.* Exchange them\.$"),
+        ('thrust = "clip(pwm + clip(q, 2, 1), q, -5)"', "must clip between a lower number and a higher one"),
         ("thrust = 3", "`formulas` of `thrust` must be a formula of columns; got 3"),
         ('thrust = "3"', "`formulas` of `thrust` must name a column at least; got '3'"),
         ('thrust = "pwm", t2 = "thrust"', "`formulas` of `t2` must name columns of the files"),

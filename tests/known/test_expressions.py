@@ -5,7 +5,7 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.known import FUNCTIONS, Expression
+from symoden.known import FUNCTIONS, Expression, Grammar
 
 VALUES = {"q1": 0.3, "m_2": 1.7}
 
@@ -60,6 +60,40 @@ def test_nested_arithmetic_is_that_of_numbers(pair):
     assert value(text) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
+SOME = Grammar(more=("least(a, b)", "between(x, low, high)"))
+
+
+@pytest.mark.parametrize(("text", "expected"), [("least(3, q1)*2", 0.6), ("-between(q1, m_2, 4) + sin(0)", -1.7)])
+def test_a_grammar_may_have_further_functions_of_one_argument_or_more(text, expected):
+    functions = {"sin": math.sin, "least": min, "between": lambda x, low, high: min(max(x, low), high)}
+    formula = Expression(text, SOME)
+    assert formula.evaluate(VALUES, number=float, functions=functions) == pytest.approx(expected)
+    with pytest.raises(ValueError, match="abs of one argument; got"):
+        Expression(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("least(q1)", r"got `least\(q1\)` with 1 argument in .* `least` takes 2, as in `least\(a, b\)`\.$"),
+        ("between(1, 2, 3, 4)", r"with 4 arguments in .* `between` takes 3, as in `between\(x, low, high\)`\.$"),
+        ("lest(1, 2)", r"Did you mean `least\(a, b\)`\?$"),
+        ("sign(q1)", r"abs of one argument, least\(a, b\) and between\(x, low, high\); got `sign\(q1\)`"),
+    ],
+)
+def test_functions_take_their_number_of_arguments(text, message):
+    with pytest.raises(ValueError, match=message):
+        Expression(text, SOME)
+
+
+def test_formulas_of_one_text_are_equal_and_frozen():
+    assert Expression("sin(q1)") == Expression("sin(q1)", SOME) != Expression("sin( q1)")
+    assert len({Expression("sin(q1)"), Expression("sin(q1)", SOME)}) == 1
+    assert repr(Expression("q1", SOME)) == "Expression(text='q1')"
+    with pytest.raises(AttributeError):
+        Expression("q1").text = "q2"  # pyright: ignore[reportAttributeAccessIssue]
+
+
 BAD = [
     ("", "got an empty text"),
     ("sign(v1)", r"got `sign\(v1\)` .* dry friction F is D = `F/sqrt\(v1\*\*2 \+ 1e-4\)`"),
@@ -75,7 +109,16 @@ BAD = [
     ("q1.real", r"got `q1\.real`"),
     ("__import__('os')", "got `'`"),
     ("open(q1)", r"got `open\(q1\)`"),
-    ("sin(q1, q1)", "got `,`"),
+    ("sin(q1, q1)", r"got `sin\(q1, q1\)` with 2 arguments in .* `sin` takes 1, as in `sin\(x\)`\.$"),
+    ("sin()", r"got `sin\(\)` with 0 arguments in"),
+    ("sin(q1,)", r"got `,\)` in"),
+    ("0,5*q1", r"got `0,5\*q1` .* A decimal mark is a point"),
+    ("sqr(q1)", r"got `sqr\(q1\)` .* Did you mean `sqrt\(x\)`\?$"),
+    ("min(q1, 0)", r"got `min\(q1, 0\)` .* These are differentiated.* min\(a, b\) has the root with a minus\.$"),
+    ("max(q1, 0)", r"got `max\(q1, 0\)` .* A smooth max\(a, b\) is `\(a \+ b \+ sqrt\("),
+    ("clip(q1, 0, 1)", r"got `clip\(q1, 0, 1\)` .* clip have corners"),
+    ("q1 − 2", "got `−` .* A minus is written `-`"),
+    ("`q1`", "got ```"),
     ("sin(x=1)", "got `=`"),
     ("q1(2)", r"got `q1\(2\)`"),
     ("q1 if q1 else 2", "got `q1 if q1 else 2`"),

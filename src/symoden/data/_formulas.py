@@ -1,19 +1,25 @@
 """Columns that a description makes of others: a thrust of the square of a speed, an angle beside another one."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from symoden.known import Expression
+from symoden.known import Expression, Grammar
 
 from ._readers import Rows, Selector, read_rows
 
-_NUMPY: Final[Mapping[str, Callable[[np.ndarray], np.ndarray]]] = {
+COLUMNS: Final = Grammar(more=("sign(x)", "min(a, b)", "max(a, b)", "clip(x, low, high)"))
+"""What formulas of columns may contain: nobody differentiates them."""
+_NUMPY: Final[Mapping[str, Callable[..., np.ndarray]]] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "abs")},
     **{f"a{name}": getattr(np, f"arc{name}") for name in ("sin", "cos", "tan")},
+    "sign": np.sign,
+    "min": np.minimum,
+    "max": np.maximum,
+    "clip": lambda x, low, high: np.where(low <= high, np.clip(x, low, high), np.nan),
 }
 
 
@@ -57,6 +63,44 @@ def read_columns(
         signals[role] = np.stack([columns[name] for name in chosen], axis=1)
     names = {role: listed.get(role, found.names[role]) for role in selectors}
     return dataclasses.replace(found, signals=signals, names=names)
+
+
+def crosses_limits(formula: Expression) -> bool:
+    """Whether a formula clips something between two numbers of which the lower one is said last.
+
+    Args:
+        formula: The formula.
+
+    Returns:
+        Whether it does.
+
+    Example:
+        >>> [crosses_limits(Expression(text, COLUMNS)) for text in ("2*clip(u, 3, -3)", "clip(u, 3, v)")]
+        [True, False]
+    """
+    return any(low > high for low, high in _limits(formula.tree))
+
+
+def _limits(tree: tuple[Any, ...]) -> Iterator[tuple[float, float]]:
+    """Limits of all that is clipped between plain numbers."""
+    match tree:
+        case ("call", "clip", _, low, high):
+            lower, upper = _number(low), _number(high)
+            if lower is not None and upper is not None:
+                yield lower, upper
+    for inner in tree:
+        if isinstance(inner, tuple):
+            yield from _limits(inner)
+
+
+def _number(tree: tuple[Any, ...]) -> float | None:
+    """The number that a part of a formula is, if it is a plain one."""
+    match tree:
+        case ("number", value):
+            return value
+        case ("-", ("number", 0.0), ("number", value)):
+            return -value
+    return None
 
 
 def _names(chosen: Selector) -> tuple[str, ...]:

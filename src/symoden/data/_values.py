@@ -7,6 +7,7 @@ from typing import Final, NoReturn, TypeAlias
 from symoden.known import Expression
 
 from ._cells import label
+from ._formulas import COLUMNS, crosses_limits
 from ._readers import Selector
 from ._units import factor_of
 
@@ -113,12 +114,16 @@ def _formulas(value: object) -> dict[str, Expression]:
     made = {}
     for column, text in value.items():
         try:
-            made[column] = Expression(text if isinstance(text, str) else _fail("a text"))
+            made[column] = Expression(text if isinstance(text, str) else _fail("a text"), COLUMNS)
         except ValueError as error:
             raise ValueError(f"of `{column}` must be a formula of columns", text, f" {error}") from error
         if not made[column].names or made[column].names & set(value):
             said = "columns of the files, not what other formulas make" if made[column].names else "a column at least"
             raise ValueError(f"of `{column}` must name {said}", text, "")
+        if crosses_limits(made[column]):
+            raise ValueError(
+                f"of `{column}` must clip between a lower number and a higher one", text, " Exchange them."
+            )
     return made
 
 

@@ -3,7 +3,8 @@
 Nothing here imports JAX, so that descriptions are read quickly.
 """
 
-from ._expressions import FUNCTIONS as FUNCTIONS, Expression as Expression
+from ._expressions import Expression as Expression
+from ._grammar import FUNCTIONS as FUNCTIONS, Grammar as Grammar
 from ._parts import PARTS as PARTS, KnownParts as KnownParts
 from ._rewrite import Identified as Identified, rewrite_urdf as rewrite_urdf
 from ._robot import GRAVITY as GRAVITY, Body as Body, Robot as Robot, read_urdf as read_urdf
@@ -14,6 +15,7 @@ __all__ = [
     "PARTS",
     "Body",
     "Expression",
+    "Grammar",
     "Identified",
     "KnownParts",
     "Robot",

@@ -8,28 +8,19 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, NoReturn, TypeAlias, TypeVar
 
+from ._grammar import KNOWN, Grammar
+from ._hints import hint_at, hint_of_character, hint_of_text
+
 T = TypeVar("T")
 Tree: TypeAlias = tuple[Any, ...]
 
-FUNCTIONS: Final = (
-    *("sin", "cos", "tan", "asin", "acos", "atan"),
-    *("sinh", "cosh", "tanh", "exp", "log", "sqrt", "abs"),
-)
-"""Functions that formulas may use."""
-
-_SMOOTH_SIGN: Final = (
-    " A smooth sign of x is `x/sqrt(x**2 + 1e-4)`. As friction is −D v, a dry friction F is D = `F/sqrt(v1**2 + 1e-4)`."
-)
-_PRODUCT: Final = " A product is written `*`, as in `2*a*(1 - cos(q1))`."
-_NO_SIGN: Final = re.compile(  # A number, a name or a parenthesis right before another one; 1e-4 is a number.
-    r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?+\s*[A-Za-z_(]|\)\s*[\w(]|\w\s+\w|\w\s+\("
-)
 _LONGEST: Final = 4000
 _DEEPEST: Final = 100
 _LARGEST_POWER: Final = 16
-_CHARACTERS: Final = re.compile(r"[A-Za-z0-9_.+\-*/()[\]\s]*")
+_SHOWN, _SHOWN_PART = 80, 40  # Characters of a text, and of what is wrong in it, in a message.
+_CHARACTERS: Final = re.compile(r"[A-Za-z0-9_.,+\-*/()[\]\s]*")
+_LAST_COMMA: Final = re.compile(r",\s*[)\]]")
 _OPERATORS: Final[dict[type, str]] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
-_INSTEAD: Final = {"^": " A power is written `**`.", "·": _PRODUCT, "×": _PRODUCT}
 _APPLY: Final[dict[str, Callable[[Any, Any], Any]]] = {
     "+": operator.add,
     "-": operator.sub,
@@ -40,13 +31,14 @@ _APPLY: Final[dict[str, Callable[[Any, Any], Any]]] = {
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula: + - * / **, parentheses, numbers, `pi`, the `FUNCTIONS` of one argument, and names, `u` or `u[0]`.
+    """A formula: + - * / **, parentheses, numbers, `pi`, the functions of its grammar, and names, `u` or `u[0]`.
 
     The text is parsed, never run: whatever is not in this list is refused, as are texts that are very long or deeply
     nested, and powers that are no plain number of moderate size.
 
     Attributes:
-        text: The formula.
+        text: The formula. Two of one text are equal: whatever grammars read it, they read the same.
+        grammar: What it may contain; by default what the parts of a mechanism may.
         tree: What was read: nested tuples of an operation and its arguments.
 
     Raises:
@@ -58,11 +50,12 @@ class Expression:
     """
 
     text: str
+    grammar: Grammar = field(default=KNOWN, repr=False, compare=False)
     tree: Tree = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Read the text."""
-        object.__setattr__(self, "tree", _parse(self.text))
+        object.__setattr__(self, "tree", _parse(self.text, self.grammar))
 
     @property
     def names(self) -> frozenset[str]:
@@ -70,14 +63,14 @@ class Expression:
         return frozenset(_names(self.tree))
 
     def evaluate(
-        self, values: Mapping[str, T], *, number: Callable[[float], T], functions: Mapping[str, Callable[[T], T]]
+        self, values: Mapping[str, T], *, number: Callable[[float], T], functions: Mapping[str, Callable[..., T]]
     ) -> T:
         """Value of the formula in any arithmetic.
 
         Args:
             values: Value of every name.
             number: Makes a value of a plain number.
-            functions: The `FUNCTIONS` by name.
+            functions: The functions of the grammar by name.
 
         Returns:
             The value.
@@ -94,7 +87,7 @@ class Expression:
             if kind == "name":
                 return values[arguments[0]]
             if kind == "call":
-                return functions[arguments[0]](at(arguments[1]))
+                return functions[arguments[0]](*map(at, arguments[1:]))
             if kind == "**":
                 return at(arguments[0]) ** arguments[1]
             return _APPLY[kind](at(arguments[0]), at(arguments[1]))
@@ -102,36 +95,61 @@ class Expression:
         return at(self.tree)
 
 
-def _parse(text: str) -> Tree:
+@dataclass(frozen=True)
+class _Text:
+    """A formula that is being read.
+
+    Attributes:
+        written: It as it arrived.
+        plain: It on one line.
+        grammar: What it may contain.
+    """
+
+    written: str
+    plain: str
+    grammar: Grammar
+
+    def source(self, node: ast.expr) -> str:
+        """What a node was read from."""
+        return (ast.get_source_segment(self.plain, node) or self.plain)[:_SHOWN_PART]
+
+
+def _refuse(text: _Text, got: str, *, hint: str = "") -> NoReturn:
+    """Say what a formula may contain."""
+    shown = _cut(" ".join(text.written.split()), _SHOWN)
+    raise ValueError(
+        f"A formula may contain {text.grammar.words}; got {got} in `{shown}`. Write only these.{hint}"
+    ) from None
+
+
+def _cut(text: str, longest: int) -> str:
+    """The beginning of a text that is too long for a message."""
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"
+
+
+def _parse(written: str, grammar: Grammar) -> Tree:
     """Tree of a formula."""
-    if not text.strip():
+    if not written.strip():
         raise ValueError("A formula must have a value; got an empty text. Write 0 for nothing.")
-    if len(text) > _LONGEST:
+    if len(written) > _LONGEST:
         raise ValueError(
-            f"A formula must have at most {_LONGEST} characters; got {len(text)}: `{text[:40]}…`. Shorten it."
+            f"A formula must have at most {_LONGEST} characters; got {len(written)}: `{_cut(written, 41)}`. Shorten it."
         )
-    if not _CHARACTERS.fullmatch(text):
-        odd = next(character for character in text if not _CHARACTERS.fullmatch(character))
-        _refuse(text, f"`{odd}`", hint=_INSTEAD.get(odd, ""))
-    text = " ".join(text.split())
+    text = _Text(written, " ".join(written.split()), grammar)
+    if not _CHARACTERS.fullmatch(text.plain):
+        odd = next(character for character in text.plain if not _CHARACTERS.fullmatch(character))
+        _refuse(text, f"`{odd}`", hint=hint_of_character(odd))
+    if (comma := _LAST_COMMA.search(text.plain)) is not None:
+        _refuse(text, f"`{comma[0]}`")
     try:
-        return _tree(ast.parse(text, mode="eval").body, text, depth=0)
+        return _tree(ast.parse(text.plain, mode="eval").body, text, depth=0)
     except (SyntaxError, RecursionError, MemoryError):
-        _refuse(text, "what cannot be read", hint=_PRODUCT if _NO_SIGN.search(text) else "")
+        _refuse(text, "what cannot be read", hint=hint_of_text(text.plain))
     except OverflowError:
         _refuse(text, "a number too large")
 
 
-def _refuse(text: str, got: str, *, hint: str = "") -> NoReturn:
-    """Say what a formula may contain."""
-    shown = text if len(text) <= 80 else f"{text[:79]}…"
-    raise ValueError(
-        f"A formula may contain numbers, names, + - * / ** and {', '.join(FUNCTIONS)} of one argument; got {got} in "
-        f"`{shown}`. Write only these.{hint}"
-    ) from None
-
-
-def _tree(node: ast.expr, text: str, *, depth: int) -> Tree:
+def _tree(node: ast.expr, text: _Text, *, depth: int) -> Tree:
     """Tree of a node, if it is one of the few that a formula may have."""
     if depth > _DEEPEST:
         _refuse(text, f"more than {_DEEPEST} levels (each term of a sum is one)")
@@ -148,12 +166,24 @@ def _tree(node: ast.expr, text: str, *, depth: int) -> Tree:
             return ("**", inner(left), _power(right, text))
         case ast.BinOp(left=left, op=kind, right=right) if type(kind) in _OPERATORS:
             return (_OPERATORS[type(kind)], inner(left), inner(right))
-        case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]) if name in FUNCTIONS:
-            return ("call", name, inner(argument))
+        case ast.Call(func=ast.Name(id=name), args=given, keywords=[]) if name in text.grammar.arguments:
+            _refuse_other_number(node, name, len(given), text)
+            return ("call", name, *map(inner, given))
     return _leaf(node, text)
 
 
-def _leaf(node: ast.expr, text: str) -> Tree:
+def _refuse_other_number(node: ast.expr, name: str, given: int, text: _Text) -> None:
+    """Refuse more or fewer arguments than a function takes."""
+    taken = text.grammar.arguments[name]
+    if given != taken:
+        _refuse(
+            text,
+            f"`{text.source(node)}` with {given} argument{'s' * (given != 1)}",
+            hint=f" `{name}` takes {taken}, as in `{text.grammar.example(name)}`.",
+        )
+
+
+def _leaf(node: ast.expr, text: _Text) -> Tree:
     """A number or a name."""
     match node:
         case ast.Name(id=name):
@@ -163,16 +193,7 @@ def _leaf(node: ast.expr, text: str) -> Tree:
     number = _number(node)
     if number is not None:
         return ("number", number)
-    _refuse(text, f"`{(ast.get_source_segment(text, node) or text)[:40]}`", hint=_hint(node))
-
-
-def _hint(node: ast.expr) -> str:
-    """What is perhaps meant by parentheses after something that is no function."""
-    if not isinstance(node, ast.Call):
-        return ""
-    if isinstance(node.func, ast.Name) and node.func.id in ("sign", "sgn"):
-        return _SMOOTH_SIGN
-    return _PRODUCT
+    _refuse(text, f"`{text.source(node)}`", hint=hint_at(node, text.grammar))
 
 
 def _number(node: ast.expr) -> float | None:
@@ -183,7 +204,7 @@ def _number(node: ast.expr) -> float | None:
     return float(value)
 
 
-def _power(node: ast.expr, text: str) -> int | float:
+def _power(node: ast.expr, text: _Text) -> int | float:
     """Exponent: a plain number, whole where it can be, which keeps derivatives at zero finite."""
     sign = 1
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):

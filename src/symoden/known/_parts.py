@@ -8,8 +8,9 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 
-from ._expressions import FUNCTIONS, Expression
+from ._expressions import Expression
 from ._functions import code_of, without_addresses
+from ._grammar import FUNCTIONS
 from ._robot import Robot
 
 PARTS: Final = ("mass_matrix", "potential_energy", "input_matrix", "dissipation_matrix")
