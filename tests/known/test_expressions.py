@@ -1,5 +1,6 @@
 """Formulas: what may be written has its meaning, and whatever else is refused before anything runs."""
 
+import contextlib
 import math
 
 import pytest
@@ -86,6 +87,109 @@ def test_functions_take_their_number_of_arguments(text, message):
         Expression(text, SOME)
 
 
+QUOTED = Grammar(more=("least(a, b)",), quotes=True)
+COLUMNS = {"Motor Current [mA]": 2.0, "/joints/effort.0": 3.0, "u-cmd": 5.0, "2": 7.0, "sin": 0.1, "pi": 11.0}
+COLUMNS |= {"group/u[1]": 13.0, "u": 17.0, "θ  (°)": 19.0, "u[0]": 23.0, "λ0": 29.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected", "names"),
+    [
+        ("`Motor Current [mA]` * 0.5", 1.0, ["Motor Current [mA]"]),
+        ("`/joints/effort.0`-`u-cmd`", -2.0, ["/joints/effort.0", "u-cmd"]),
+        ("2*`2`", 14.0, ["2"]),
+        ("sin(`sin`) + `pi`", math.sin(0.1) + 11, ["pi", "sin"]),
+        ("`group/u`[1]/`group/u[1]`", 1.0, ["group/u[1]"]),
+        ("u + u[0] - `u`", 23.0, ["u", "u[0]"]),
+        ("`θ  (°)`\n\t+ 1", 20.0, ["θ  (°)"]),
+        ("least(`λ0`, `u`) + `u`**2", 306.0, ["u", "λ0"]),
+    ],
+)
+def test_names_in_backticks_have_any_characters(text, expected, names):
+    functions = {"sin": math.sin, "least": min}
+    formula = Expression(text, QUOTED)
+    assert formula.evaluate(COLUMNS, number=float, functions=functions) == pytest.approx(expected)
+    assert sorted(formula.names) == names
+
+
+IN_BACKTICKS = r"stands in backticks, as in \"`Motor Current \[mA\]` \* 0.001\"\.$"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("`u", 'got a backtick that no other one closes in "`u"'),
+        ("`u`*`v` - `", "got a backtick that no other one closes"),
+        ("``", "got two backticks without a name between them"),
+        ("2*`  `", "got two backticks without a name between them"),
+        ("``u``", "got two backticks without a name between them"),
+        ("`" * 4000, "got two backticks without a name between them"),
+        (f"`{'u' * 201}`", "got a name of 201 characters, more than 200 in"),
+        ("`u`" * 2000, "A formula must have at most 4000 characters; got 6000"),
+        ("+".join(["`u`"] * 200), "got more than 100 levels"),
+        ("`u``v`", "got what cannot be read in"),
+        ("`u`v", "got what cannot be read in"),
+        ("a`u`", "got what cannot be read in"),
+        ("`u`2", "got what cannot be read in"),
+        ("`u`.real", 'got "`u`.real" in'),
+        ("`sin`(2)", r'got "`sin`\(2\)" in'),
+        ("`os`[`u`]", r'got "`os`\[`u`\]" in'),
+        ("2*least(`u v`)", r'got "least\(`u v`\)" with 1 argument in "2\*least\(`u v`\)"'),
+        ("`u`**`v`", "got a power other than"),
+        ("λ0 + `u`", "got `λ` in"),
+        ("`u` ; v", "got `;` in"),
+        ("u > 3", "got `>` in .* There are no conditions: beyond ±3 alone is `u - clip"),
+        ("u^2", r"A power is written `\*\*`\.$"),
+        ("u +", r"Write only these\.$"),
+    ],
+)
+def test_backticks_without_a_name_and_what_is_no_arithmetic_of_names_are_refused(text, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        Expression(text, QUOTED)
+    assert len(str(caught.value)) < 600
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Motor Current [mA] * 0.001",
+        "/joints/effort.0 * 2",
+        "2*/joints/effort",
+        "data/demo_*/u",
+        "effort.0",
+        "log.q",
+        "effort[Nm]",
+        "slip[-] * 2",
+        "i (A)",
+        "duty %",
+        "θ * 2",
+        "'Motor Current'",
+        "1st_motor",
+        "lambda*2",
+        "torque:0",
+    ],
+)
+def test_backticks_are_named_where_a_name_without_them_seems_to_need_them(text):
+    with pytest.raises(ValueError, match=IN_BACKTICKS):
+        Expression(text, QUOTED)
+    with pytest.raises(ValueError, match="A formula may contain") as caught:
+        Expression(text)
+    assert "backticks" not in str(caught.value)
+
+
+@given(st.text(st.characters(codec="utf-8", exclude_characters="`"), min_size=1, max_size=20))
+def test_no_name_in_backticks_runs_or_crashes(name):
+    if name.strip():
+        assert Expression(f"2*`{name}` + `{name}`[0]", QUOTED).names == {name, f"{name}[0]"}
+
+
+@given(st.text(st.sampled_from("`u1.[]()*/+-, λ'\nsin"), max_size=30))
+def test_whatever_is_written_is_read_or_refused(text):
+    with contextlib.suppress(ValueError):
+        assert all(Expression(text, QUOTED).names)
+
+
 def test_formulas_of_one_text_are_equal_and_frozen():
     assert Expression("sin(q1)") == Expression("sin(q1)", SOME) != Expression("sin( q1)")
     assert len({Expression("sin(q1)"), Expression("sin(q1)", SOME)}) == 1
@@ -118,7 +222,7 @@ BAD = [
     ("max(q1, 0)", r"got `max\(q1, 0\)` .* A smooth max\(a, b\) is `\(a \+ b \+ sqrt\("),
     ("clip(q1, 0, 1)", r"got `clip\(q1, 0, 1\)` .* clip have corners"),
     ("q1 − 2", "got `−` .* A minus is written `-`"),
-    ("`q1`", "got ```"),
+    ("`q1`", 'got "`" in "`q1`"'),
     ("sin(x=1)", "got `=`"),
     ("q1(2)", r"got `q1\(2\)`"),
     ("q1 if q1 else 2", "got `q1 if q1 else 2`"),

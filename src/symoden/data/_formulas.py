@@ -11,8 +11,8 @@ from symoden.known import Expression, Grammar
 
 from ._readers import Rows, Selector, read_rows
 
-COLUMNS: Final = Grammar(more=("sign(x)", "min(a, b)", "max(a, b)", "clip(x, low, high)"))
-"""What formulas of columns may contain: nobody differentiates them."""
+COLUMNS: Final = Grammar(more=("sign(x)", "min(a, b)", "max(a, b)", "clip(x, low, high)"), quotes=True)
+"""What formulas of columns may contain: nobody differentiates them, and a file may name its columns as it likes."""
 _NUMPY: Final[Mapping[str, Callable[..., np.ndarray]]] = {
     **{name: getattr(np, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "abs")},
     **{f"a{name}": getattr(np, f"arc{name}") for name in ("sin", "cos", "tan")},

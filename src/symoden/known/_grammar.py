@@ -16,6 +16,7 @@ class Grammar:
 
     Attributes:
         more: Further functions with names of their arguments, such as "min(a, b)".
+        quotes: Whether names may stand in backticks, in which they have any characters.
 
     Example:
         >>> Grammar(more=("min(a, b)",)).arguments["min"]
@@ -23,6 +24,7 @@ class Grammar:
     """
 
     more: tuple[str, ...] = ()
+    quotes: bool = False
 
     @property
     def arguments(self) -> dict[str, int]:
@@ -33,7 +35,8 @@ class Grammar:
     @property
     def words(self) -> str:
         """What formulas may contain, in words."""
-        every = ["numbers", "names", "+ - * / **", f"{', '.join(FUNCTIONS)} of one argument", *self.more]
+        names = "names (odd ones in backticks)" if self.quotes else "names"
+        every = ["numbers", names, "+ - * / **", f"{', '.join(FUNCTIONS)} of one argument", *self.more]
         return f"{', '.join(every[:-1])} and {every[-1]}"
 
     def example(self, name: str) -> str:
