@@ -68,7 +68,7 @@ def test_variables_and_their_columns_are_read_by_name(tmp_path, name):
 BAD = [
     ({"t": T, "Q": Q}, "q", r"no variable `q`; found `Q, t`\. Did you mean `Q`\?"),
     ({"t": T, "q": Q[:5]}, "q", r"all variables must have the same number of samples.*`q` 5 × 2"),
-    ({"t": T, "q": Q}, ("q",), r"variable `q` in a list must be one column; got 2\. .*`q\[0\]`"),
+    ({"t": T, "q": Q}, ("q",), r"variable `q` in a list or a formula must be one column; got 2\. .*`q\[0\]`"),
     ({"t": T, "q": Q}, "q[2]", r"variable `q` must have a column 2 \(counted from 0\); got 2 columns"),
 ]
 

@@ -11,10 +11,10 @@ Q = np.sin(2 * T)
 PWM = 20 + 15 * np.cos(3 * T)
 
 
-def described(path, formulas, *, inputs='["thrust"]', more=""):
-    """A joint with a propeller, logged with its duty."""
-    columns = np.stack([T, Q, 2 * np.cos(2 * T), PWM], axis=1)
-    np.savetxt(path / "a.csv", columns, delimiter=",", header="t,q,v,pwm", comments="", fmt="%.17g")
+def described(path, formulas, *, inputs='["thrust"]', more="", names="pwm"):
+    """A joint with a propeller, logged with its duty; where this has several names, each is a column, all alike."""
+    columns = np.stack([T, Q, 2 * np.cos(2 * T), *[PWM] * len(names.split(","))], axis=1)
+    np.savetxt(path / "a.csv", columns, delimiter=",", header=f"t,q,v,{names}", comments="", fmt="%.17g")
     file = path / "d.toml"
     file.write_text(
         f'space = "T1"\ntime = "t"\npositions = ["q"]\nvelocities = ["v"]\ninputs = {inputs}\n{more}\n'
@@ -35,6 +35,72 @@ def test_a_column_may_be_read_and_be_part_of_a_formula(tmp_path):
     data = read_dataset(described(tmp_path, 'square = "pwm**2", turned = "-pwm"', inputs='["square", "pwm", "turned"]'))
     np.testing.assert_allclose(data.train[0].us, np.stack([PWM**2, PWM, -PWM], axis=1))
     assert data.input_names == ("square", "pwm", "turned")
+
+
+ODD = "Present Current [mA],/joint_states/effort.0,u-cmd,2,θ (°),q[0],sin"
+
+
+@pytest.mark.parametrize("name", ODD.split(","))
+def test_a_column_of_any_name_is_part_of_a_formula_in_backticks(tmp_path, name):
+    run = read_dataset(described(tmp_path, f'thrust = "`{name}` * 0.001 - q"', names=ODD)).train[0]
+    np.testing.assert_allclose(run.us[:, 0], 0.001 * PWM - Q, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        ("u-cmd*2", r"no column `cmd`; .* names it: 'u-cmd\*2'\. Write `u-cmd` in backticks there, if it is meant\.$"),
+        ("stick-left + 1", "no column `left`; .* Write `stick - left` in backticks there"),
+        ("2*group / effort", "no column `effort`; .* Write `group/effort` in backticks there"),
+        ("`u-cmd` - cmd", r"no column `cmd`; .* names it: '`u-cmd` - cmd'\.$"),
+        ("cm + cmd2", r"no column `cm`; .* names it: 'cm \+ cmd2'\.$"),
+        ("`Current`", r"no column `Current`; .*Did you mean `Current \[mA\]`\?"),
+    ],
+)
+def test_a_name_of_the_file_that_lacks_its_backticks_is_told(tmp_path, formula, message):
+    description = described(
+        tmp_path, f'thrust = "{formula}"', names="u-cmd,group/effort,Current [mA],cmd2,stick - left"
+    )
+    with pytest.raises(DataError, match=message):
+        read_dataset(description)
+
+
+def test_another_column_that_a_file_lacks_is_no_formula_s(tmp_path):
+    description = described(tmp_path, 'thrust = "pwm"', inputs='["thrust", "duty"]')
+    with pytest.raises(DataError, match=r"no column `duty`; .* as the file has them\.$"):
+        read_dataset(description)
+
+
+@pytest.mark.parametrize("name", ["group/u[0]", "`group/u`[1]*2", "`group/u[1]`*2", "`data.u`[0]", "`data.u[0]`"])
+def test_variables_of_any_path_are_part_of_formulas_in_backticks(tmp_path, name):
+    us = np.stack([PWM, PWM / 2], axis=1)
+    variable = "data.u" if "data" in name else "group/u"
+    np.savez(tmp_path / "a.npz", allow_pickle=False, t=T, q=Q, **{variable: us})
+    file = tmp_path / "d.toml"
+    formula = name if "`" in name else f"`{name}`"
+    file.write_text(
+        f'space = "T1"\ntime = "t"\npositions = "q"\ninputs = "u"\nformulas = {{ u = "{formula}" }}\n'
+        '[train]\nfiles = ["a.npz"]\n'
+    )
+    np.testing.assert_allclose(read_dataset(file).train[0].us[:, 0], PWM, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        ("u*2", r"`u` in a list or a formula must be one column; got 2\. Write `u\[0\]`"),
+        ("w[0]*2", r"no variable `w`; found `q, t, u`\. .* `formulas` of `f` names it: 'w\[0\]\*2'\.$"),
+    ],
+)
+def test_what_is_no_column_of_a_variable_is_no_part_of_a_formula(tmp_path, formula, message):
+    np.savez(tmp_path / "a.npz", t=T, q=Q, u=np.stack([PWM, PWM], axis=1))
+    file = tmp_path / "d.toml"
+    file.write_text(
+        f'space = "T1"\ntime = "t"\npositions = "q"\ninputs = "f"\nformulas = {{ f = "{formula}" }}\n'
+        '[train]\nfiles = ["a.npz"]\n'
+    )
+    with pytest.raises(DataError, match=message):
+        read_dataset(file)
 
 
 def test_columns_of_variables_are_named_with_brackets(tmp_path):
@@ -100,7 +166,12 @@ def test_where_limits_cross_each_other_a_clipped_number_is_missing(tmp_path):
         ('thrust = "3"', "`formulas` of `thrust` must name a column at least; got '3'"),
         ('thrust = "pwm", t2 = "thrust"', "`formulas` of `t2` must name columns of the files"),
         ('thrust = "pwm", other = "q"', "`formulas` must make columns that other keys name, .*; got `other`"),
-        ('thrust = "duty"', "no column `duty`; found `t, q, v, pwm`"),
+        ('thrust = "duty"', r"no column `duty`; found `t, q, v, pwm`\..* of `thrust` names it: 'duty'\.$"),
+        ('thrust = "`3`*`"', 'got a backtick that no other one closes in "`3`\\*`"'),
+        (f'thrust = "{"+".join(["pwm"] * 999)}"', r"got 'pwm\+pwm[pwm+]{72}…'\. .* more than 100 levels"),
+        ('thrust = "3"', 'has a number for its name stands in backticks, such as "`2`"'),
+        ('thrust = "2*thrust"', r"files, not what formulas make; .* Call what is made otherwise than `thrust`\.$"),
+        ('thrust = "thrust-cmd"', r"otherwise than `thrust`; a name with signs in it stands in backticks, such as"),
     ],
 )
 def test_what_is_no_formula_of_columns_is_refused(tmp_path, formulas, message):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from ._errors import COPY, DataError, missing
+from ._errors import COPY, AbsentError, DataError
 from ._limits import refuse_large
 from ._mat import read_mat5
 
@@ -33,7 +33,8 @@ def read_npz(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
         The variables by name.
 
     Raises:
-        DataError: If the file is broken, or a variable is absent or not numeric.
+        AbsentError: If a variable is absent.
+        DataError: If the file is broken, or a variable is not numeric.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -41,7 +42,7 @@ def read_npz(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
             names = spelt_out(names, members)
             for name in names:
                 if name not in members:
-                    raise DataError(missing(path, name, members, kind="variable"))
+                    raise AbsentError(path, name, members, kind="variable")
                 refuse_large(path, members[name].file_size, f"variable `{name}`")
             return {name: _read_npy(path, archive, members[name]) for name in names}
     except DataError:
@@ -173,7 +174,7 @@ def _read_hdf5_dataset(path: Path, file: "h5py.File", name: str) -> np.ndarray:
         raise DataError(f"`{path}`: variable `{name}` must be in this file; got a link to `{link.filename}`.")
     dataset = file[name] if link is not None else None
     if not isinstance(dataset, h5py.Dataset):
-        raise DataError(missing(path, name, _datasets(file), kind="variable"))
+        raise AbsentError(path, name, _datasets(file), kind="variable")
     if dataset.is_virtual or dataset.external or Path(dataset.file.filename) != Path(file.filename):
         raise DataError(f"`{path}`: variable `{name}` must be in this file; got one that is stored in another.")
     refuse_large(path, 8 * math.prod(dataset.shape or ()), f"variable `{name}`")

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from ._errors import DataError, listing, missing
+from ._errors import AbsentError, DataError, listing
 from ._layout import NOTHING
 from ._tables import place
 
@@ -134,7 +134,7 @@ def _column(path: Path, frame: pl.DataFrame, name: str) -> pl.Series:
     if name not in frame.columns:
         numbered = frame.columns == [str(i + 1) for i in range(frame.width)]
         hint = " No line names the columns: their numbers do, from 1 on." if numbered else ""
-        raise DataError(missing(path, name, frame.columns) + hint)
+        raise AbsentError(path, name, frame.columns, hint=hint)
     if f"{name} (again)" in frame.columns:
         raise DataError(f"`{path}`: column `{name}` must be there once; got it twice. Rename one of them.")
     return frame[name]

@@ -1,4 +1,4 @@
-"""The one error of recorded data, and the words that its messages share."""
+"""The errors of recorded data, and the words that their messages share."""
 
 import difflib
 from collections.abc import Iterable
@@ -8,6 +8,7 @@ from typing import Final
 from symoden.wording import first_few
 
 _SHOWN = 20
+_SHOWN_FORMULA = 80  # Characters.
 COPY: Final = "Perhaps it was cut off: copy it again, or write it again where it was recorded."
 
 
@@ -30,6 +31,11 @@ def listing(names: Iterable[str]) -> str:
     return f"`{first_few(every, _SHOWN)}{more}`" if every else "nothing"
 
 
+def cut(formula: str) -> str:
+    """A formula in a message, without what is too long of it."""
+    return formula if len(formula) <= _SHOWN_FORMULA else f"{formula[: _SHOWN_FORMULA - 1]}…"
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Question for the name that was probably meant, or nothing."""
     by_lower = {candidate.lower(): candidate for candidate in known}
@@ -37,8 +43,25 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f" Did you mean `{by_lower[matches[0]]}`?" if matches else ""
 
 
-def missing(path: Path, name: str, found: Iterable[str], *, kind: str = "column") -> str:
-    """Message for a column or variable that a file does not have."""
-    every = sorted(found) if kind == "variable" else list(found)
-    question = nearest(name, every)
-    return f"`{path}`: no {kind} `{name}`; found {listing(every)}.{question} Give the names as the file has them."
+class AbsentError(DataError):
+    """A file has no column or variable of a name.
+
+    Attributes:
+        path: The file.
+        name: The name.
+        found: Names that the file has.
+        kind: What the file has by name, a "column" or a "variable".
+        hint: What more there is to say.
+    """
+
+    def __init__(self, path: Path, name: str, found: Iterable[str], *, kind: str = "column", hint: str = "") -> None:
+        self.path, self.name, self.kind, self.hint = path, name, kind, hint
+        self.found = sorted(found) if kind == "variable" else list(found)
+
+    def __str__(self) -> str:
+        """The message."""
+        question = nearest(self.name, self.found)
+        return (
+            f"`{self.path}`: no {self.kind} `{self.name}`; found {listing(self.found)}.{question} Give the names as "
+            f"the file has them.{self.hint}"
+        )

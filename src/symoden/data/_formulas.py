@@ -9,7 +9,8 @@ import numpy as np
 
 from symoden.known import Expression, Grammar
 
-from ._readers import Rows, Selector, read_rows
+from ._errors import AbsentError, DataError, cut
+from ._readers import Rows, Selector, read_rows, variable_of
 
 COLUMNS: Final = Grammar(more=("sign(x)", "min(a, b)", "max(a, b)", "clip(x, low, high)"), quotes=True)
 """What formulas of columns may contain: nobody differentiates them, and a file may name its columns as it likes."""
@@ -52,7 +53,10 @@ def read_columns(
     plain = {role: tuple(name for name in chosen if name not in formulas) for role, chosen in listed.items()}
     used = {name: formulas[name] for chosen in listed.values() for name in chosen if name in formulas}
     parts = {_parts(name): tuple(sorted(formula.names)) for name, formula in used.items()}
-    found = read_rows(path, {**selectors, **plain, **parts}, rows, recording)
+    try:
+        found = read_rows(path, {**selectors, **plain, **parts}, rows, recording)
+    except AbsentError as error:
+        raise DataError(f"{error}{_of_formulas(error, used)}") from error
     made = {
         name: _value(formula, dict(zip(parts[_parts(name)], found.signals[_parts(name)].T, strict=True)))
         for name, formula in used.items()
@@ -111,6 +115,18 @@ def _names(chosen: Selector) -> tuple[str, ...]:
 def _parts(name: str) -> str:
     """Role of the columns that a formula is made of."""
     return f"parts of {name}"
+
+
+def _of_formulas(error: AbsentError, formulas: Mapping[str, Expression]) -> str:
+    """Which formula names what a file does not have, and the name in it that perhaps is to stand in backticks."""
+    for made, formula in formulas.items():
+        if error.name in {each for name in formula.names for each in (name, variable_of(name))}:
+            text = "".join(formula.text.split())
+            odd = [name for name in error.found if name not in formula.names and error.name in name]
+            meant = max((name for name in odd if "".join(name.split()) in text), key=len, default="")
+            quoted = f" Write `{meant}` in backticks there, if it is meant." if meant else ""
+            return f" `formulas` of `{made}` names it: {cut(formula.text)!r}.{quoted}"
+    return ""
 
 
 def _value(formula: Expression, columns: Mapping[str, np.ndarray]) -> np.ndarray:

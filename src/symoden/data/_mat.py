@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from ._errors import DataError, listing, missing
+from ._errors import AbsentError, DataError, listing
 from ._limits import LARGEST, refuse_large
 
 _HEADER = 128  # bytes of text, version and byte order
@@ -71,7 +71,7 @@ def _inside(path: Path, name: str, found: Mapping[str, memoryview], order: str) 
     for k, each in enumerate(steps, start=1):
         step = _STEP.fullmatch(each)
         if step is None or step["name"] not in at:
-            raise DataError(missing(path, name, _leaves(found, order), kind="variable"))
+            raise AbsentError(path, name, _leaves(found, order), kind="variable")
         body, sofar = at[step["name"]], ".".join([*steps[: k - 1], step["name"]])
         parts = _structs(body, order)
         if k == len(steps) and step["number"] is None and not parts:

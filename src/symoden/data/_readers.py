@@ -12,7 +12,7 @@ import polars as pl
 
 from ._arrays import STAR, read_hdf5, read_mat, read_npz, starred
 from ._cells import holds_lists, label, lists, numbers, texts
-from ._errors import DataError, listing, missing
+from ._errors import AbsentError, DataError, listing
 from ._limits import refuse_large
 from ._shapes import Signals
 from ._tables import TEXTS, read_csv, read_parquet
@@ -164,7 +164,7 @@ def _from_groups(
     for group in order:
         found = common | groups[group]
         if absent := [variable for variable in variables if variable not in found]:
-            raise DataError(missing(path, absent[0].replace(STAR, group), arrays, kind="variable"))
+            raise AbsentError(path, absent[0].replace(STAR, group), arrays, kind="variable")
         columns = {name: _columns(path, name.replace(STAR, group), array) for name, array in found.items()}
         _refuse_mixed_lengths(path, columns)
         samples = len(next(iter(columns.values())))
@@ -307,7 +307,7 @@ def _single(path: Path, name: str, signal: np.ndarray) -> np.ndarray:
     """A variable of a list, which must be one column."""
     if signal.shape[1] != 1:
         raise DataError(
-            f"`{path}`: variable `{name}` in a list must be one column; got {signal.shape[1]}. Write the name without "
-            f"brackets around it for all of them, or `{name}[0]`, `{name}[1]`, … for some."
+            f"`{path}`: variable `{name}` in a list or a formula must be one column; got {signal.shape[1]}. Write "
+            f"`{name}[0]`, `{name}[1]`, … for some; for all of them the name without a list's brackets around it."
         )
     return signal

@@ -1,12 +1,13 @@
 """Values of a description's keys, each of which must be fit by itself."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from typing import Final, NoReturn, TypeAlias
 
 from symoden.known import Expression
 
 from ._cells import label
+from ._errors import cut
 from ._formulas import COLUMNS, crosses_limits
 from ._readers import Selector
 from ._units import factor_of
@@ -113,18 +114,30 @@ def _formulas(value: object) -> dict[str, Expression]:
         _fail('a table of names and formulas of columns, such as {thrust = "speed**2"}')
     made = {}
     for column, text in value.items():
+        got = cut(text) if isinstance(text, str) else text
         try:
             made[column] = Expression(text if isinstance(text, str) else _fail("a text"), COLUMNS)
         except ValueError as error:
-            raise ValueError(f"of `{column}` must be a formula of columns", text, f" {error}") from error
-        if not made[column].names or made[column].names & set(value):
-            said = "columns of the files, not what other formulas make" if made[column].names else "a column at least"
-            raise ValueError(f"of `{column}` must name {said}", text, "")
-        if crosses_limits(made[column]):
-            raise ValueError(
-                f"of `{column}` must clip between a lower number and a higher one", text, " Exchange them."
-            )
+            raise ValueError(f"of `{column}` must be a formula of columns", got, f" {error}") from error
+        unfit = _unfit(made[column], set(value))
+        if unfit is not None:
+            what, advice = unfit
+            raise ValueError(f"of `{column}` must {what}", got, advice)
     return made
+
+
+def _unfit(formula: Expression, made: Set[str]) -> tuple[str, str] | None:
+    """What a formula must do that it does not, and what to do about it."""
+    if not formula.names:
+        return "name a column at least", ' One that has a number for its name stands in backticks, such as "`2`".'
+    if own := sorted(formula.names & made):
+        other = f" Call what is made otherwise than `{own[0]}`"
+        odd = any(sign in formula.text for sign in "-/")
+        quoted = '; a name with signs in it stands in backticks, such as "`u-cmd`"' if odd else ""
+        return "name columns of the files, not what formulas make", f"{other}{quoted}."
+    if crosses_limits(formula):
+        return "clip between a lower number and a higher one", " Exchange them."
+    return None
 
 
 def _zeros(value: object) -> dict[str, float]:
