@@ -34,8 +34,15 @@ def test_a_common_factor_is_named_where_most_of_m_and_v_is_uncertain_by_it(apart
         ]
 
 
-@pytest.mark.parametrize(("undetermined", "told"), [(("M[1, 2]", "g[2, 1]"), False), (("M[2, 2]", "D[2, 2]"), True)])
-def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_known(undetermined, told):
+@pytest.mark.parametrize(
+    ("undetermined", "told", "is_flat"),
+    [
+        (("M[1, 2]", "g[2, 1]"), False, False),
+        (("M[2, 2]", "D[2, 2]"), True, False),
+        (("V", "M[1, 2]"), False, True),
+    ],
+)
+def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_known(undetermined, told, is_flat):
     certain = Certainty(
         level=0.9,
         profiles=(),
@@ -54,6 +61,7 @@ def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_
     assert "accelerations, whose scale is told: by inputs ± 2%, by potential ± 0.4%, by friction ± 7%" in words
     assert "typical: M ± 130%, V ± 10%, D ± more than 1000%" in words
     assert any("has a factor of its own" in line for line in words) == told
+    assert any("of V all is open" in line for line in words) == is_flat
 
 
 @pytest.mark.parametrize(("coverage", "narrow"), [(0.79, True), (0.81, False), (0.99, False)])
