@@ -257,6 +257,17 @@ def test_the_row_of_an_error_is_the_files_row(tmp_path):
         read_rows(path, {"x": ("a",)}, slice(2, None))
 
 
+def test_of_many_words_the_first_is_named_and_how_many_there_are_up_to_where(tmp_path):
+    path = written(tmp_path / "run.csv", "a,b,c\n0,0,x\n1,off,0\n2,0,0\nERR,,0\nERR,NA,0\n5,no,0\n")
+    said = (
+        r"column `b`, line 3 \(row 1\): .* got 'off', the first of 4 such cells up to line 7 \(row 5\): 2 in `a`, 2 in"
+    )
+    with pytest.raises(DataError, match=said + " `b`. Correct them, or select rows without them by `rows`"):
+        read_rows(path, {"x": ("a", "b")}, ALL)
+    with pytest.raises(DataError, match=r"line 5 \(row 3\): .* first of 2 such cells up to line 6 \(row 4\)\. Correct"):
+        read_rows(path, {"x": ("a",)}, slice(2, None))
+
+
 def test_a_row_of_a_file_that_is_no_text_is_no_line(tmp_path):
     pl.DataFrame({"a": ["1", "x"]}).write_parquet(tmp_path / "run.parquet")
     with pytest.raises(DataError, match="column `a`, row 1: "):

@@ -2,8 +2,9 @@
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -20,36 +21,61 @@ _DAY: Final = 86_400.0  # s
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 
-def numbers(path: Path, frame: pl.DataFrame, name: str, *, first_row: int) -> np.ndarray:
-    """Take a column of numbers out of a table.
+class _Words(NamedTuple):
+    """Cells of a column that are neither numbers nor empty: their rows, and what the first one says."""
+
+    name: str
+    rows: np.ndarray
+    first: str
+
+
+def numbers(path: Path, frame: pl.DataFrame, names: Sequence[str], *, first_row: int) -> dict[str, np.ndarray]:
+    """Take columns of numbers out of a table.
 
     Args:
         path: File, for messages.
         frame: The table, rows already selected.
-        name: The column.
+        names: The columns.
         first_row: Row of the file that is the table's first row, for messages.
 
     Returns:
-        The column; NaN where a cell is empty or says that it is. Dates with a time are seconds since 1970, UTC where
-        they name no zone; times of day are seconds since the midnight before the first.
+        The columns by name; NaN where a cell is empty or says that it is. Dates with a time are seconds since 1970, UTC
+        where they name no zone; times of day are seconds since the midnight before the first.
 
     Raises:
-        DataError: If the column is absent or twice there, or a cell is no number.
+        DataError: If a column is absent or twice there, or a cell is no number.
     """
-    column = _column(path, frame, name)
-    if column.dtype == pl.String:
-        column = column.str.strip_chars()
-    column = _seconds(column)
+    columns = {name: _stripped(_column(path, frame, name)) for name in names}
+    read: dict[str, np.ndarray] = {}
+    words: list[_Words] = []
+    for name, column in columns.items():
+        read[name], is_word = _read(path, name, _seconds(column))
+        if is_word.any():
+            rows = np.flatnonzero(is_word)
+            words.append(_Words(name, rows, str(column[int(rows[0])])))
+    if words:
+        _refuse(path, words, first_row)
+    return read
+
+
+def _stripped(column: pl.Series) -> pl.Series:
+    """A column without blanks around its words."""
+    return column.str.strip_chars() if column.dtype == pl.String else column
+
+
+def _read(path: Path, name: str, column: pl.Series) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers of a column, NaN where there is none, and which cells say something else."""
     if column.dtype == pl.String and re.match(_CLOCK, _first(column)):
-        return _since_midnight(path, name, column, first_row)
+        return _since_midnight(column)
     if column.dtype == pl.String:
         cast = column.cast(pl.Float64, strict=False)
-        _refuse_text(path, name, column, cast.is_null() & ~_is_empty(column), first_row)
+        is_word = cast.is_null() & ~_is_empty(column)
     elif column.dtype.is_numeric() or column.dtype == pl.Boolean:
         cast = column.cast(pl.Float64)
+        is_word = pl.repeat(value=False, n=len(column), eager=True)
     else:
         raise DataError(f"`{path}`: column `{name}` must hold numbers; got {column.dtype}.")
-    return cast.fill_null(math.nan).to_numpy().astype(np.float64)
+    return cast.fill_null(math.nan).to_numpy().astype(np.float64), is_word.to_numpy()
 
 
 def holds_lists(column: pl.Series) -> bool:
@@ -155,18 +181,18 @@ def _seconds(column: pl.Series) -> pl.Series:
     return column.dt.epoch("ns").cast(pl.Float64) / 1e9
 
 
-def _since_midnight(path: Path, name: str, column: pl.Series, first_row: int) -> np.ndarray:
-    """Times of day as seconds since the midnight before the first; NaN where there is none."""
+def _since_midnight(column: pl.Series) -> tuple[np.ndarray, np.ndarray]:
+    """Times of day as seconds since the midnight before the first, NaN where there is none; which cells are others."""
     fields = column.str.replace(",", ".", literal=True).str.extract_groups(_CLOCK).struct.unnest()
     hours, minutes, seconds = (fields.to_series(i).cast(pl.Float64) for i in range(3))
-    _refuse_text(path, name, column, hours.is_null() & ~_says_nothing(column), first_row)
+    is_word = hours.is_null() & ~_says_nothing(column)
     clock = (hours * 3600 + minutes * 60 + seconds).fill_null(math.nan).to_numpy(writable=True)
     there = np.flatnonzero(np.isfinite(clock))
     days, jumps = np.zeros(len(there)), np.diff(clock[there], prepend=clock[there[:1]])
     for k in np.flatnonzero(np.abs(jumps) > _DAY / 2):  # Past midnight; and back, where rows are out of order.
         days[k:] = max(0.0, days[k] - np.sign(jumps[k]))
     clock[there] += _DAY * days
-    return clock
+    return clock, is_word.to_numpy()
 
 
 def _first(column: pl.Series) -> str:
@@ -184,21 +210,30 @@ def _is_empty(column: pl.Series) -> pl.Series:
     return column.str.to_lowercase().is_in(NOTHING).fill_null(value=True)
 
 
-def _refuse_text(path: Path, name: str, column: pl.Series, bad: pl.Series, first_row: int) -> None:
-    """Refuse a column that has words among its numbers."""
-    row = bad.arg_max() if bad.any() else None
-    if row is not None:
-        where = place(path, first_row + row)
-        advice = "Correct it, or select rows without it by `rows`."
-        if _DATE.match(column[row]):
-            advice = (
-                "Dates are read where all of the column are of one form of ISO 8601, such as 2025-10-09T08:53:20.25Z."
-            )
-        if re.match(r"[0-9]+:", column[row]):
-            advice = "Times of day are read where all of the column are like 10:04:01.3."
-        if _DECIMAL_COMMA.fullmatch(column[row]):
-            advice = (
-                "Decimal commas are read where semicolons or tabs separate the columns and no number has a point: "
-                "write the file again so, or with decimal points (1.5 instead of 1,5)."
-            )
-        raise DataError(f"`{path}`: column `{name}`, {where}: must be a number or empty; got {column[row]!r}. {advice}")
+def _refuse(path: Path, words: Sequence[_Words], first_row: int) -> None:
+    """Refuse columns that have words among their numbers."""
+    first = min(words, key=lambda each: each.rows[0])
+    count, last = sum(len(each.rows) for each in words), max(each.rows[-1] for each in words)
+    where, end = (place(path, first_row + int(row)) for row in (first.rows[0], last))
+    told = f", the first of {count} such cells up to {end}" if count > 1 else ""
+    if len(words) > 1:
+        told += f": {', '.join(f'{len(each.rows)} in `{each.name}`' for each in words)}"
+    raise DataError(
+        f"`{path}`: column `{first.name}`, {where}: must be a number or empty; got {first.first!r}{told}. "
+        f"{_advice(first.first, several=count > 1)}"
+    )
+
+
+def _advice(word: str, *, several: bool) -> str:
+    """What to do about words among numbers."""
+    if _DECIMAL_COMMA.fullmatch(word):
+        return (
+            "Decimal commas are read where semicolons or tabs separate the columns and no number has a point: "
+            "write the file again so, or with decimal points (1.5 instead of 1,5)."
+        )
+    if re.match(r"[0-9]+:", word):
+        return "Times of day are read where all of the column are like 10:04:01.3."
+    if _DATE.match(word):
+        return "Dates are read where all of the column are of one form of ISO 8601, such as 2025-10-09T08:53:20.25Z."
+    what = "them" if several else "it"
+    return f"Correct {what}, or select rows without {what} by `rows`."

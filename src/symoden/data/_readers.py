@@ -118,7 +118,7 @@ def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice, reco
     nested = [name for name in named if name in frame.columns and holds_lists(frame[name])]
     columns = {name: lists(path, frame, name) for name in nested}
     plain = [name for name in wanted if variable_of(name) not in columns]
-    columns |= {name: numbers(path, frame, name, first_row=first)[:, None] for name in plain}
+    columns |= {name: each[:, None] for name, each in numbers(path, frame, plain, first_row=first).items()}
     labels = None if recording is None else texts(path, frame, recording)
     return _rows_of(path, selectors, columns, index, labels)
 
