@@ -136,7 +136,36 @@ def test_files_that_cannot_be_read_are_refused_beside_those_that_can(described, 
     assert [key for key, value in said.items() if isinstance(value, list) and f"`{key}`" not in page] == []
     assert main(["train", str(described), "--out", str(tmp_path / "run")]) == 2
     (error,) = capsys.readouterr().err.splitlines()
-    assert "d.csv`: no column `u`; found `t, q, v`" in error
+    assert "c.csv`: a recording must have at least 2 rows; got 0. Leave it out. 2 more cannot be read either" in error
+
+
+def test_where_nothing_can_be_read_all_of_it_is_said_and_nothing_is_drawn(described, tmp_path, capsys):
+    for name in "ab":
+        (described.parent / f"{name}.csv").write_text("t,q,v,u\n0,1,off,2\n1,off,off,2\n")
+    figure = tmp_path / "arm.png"
+    words = ["data", "check", str(described), "--figure", str(figure)]
+    assert main(words) == 2
+    printed = capsys.readouterr()
+    assert printed.err == f"error: `{described}`: training refuses these data. Mend what is named refused.\n"
+    table, _, findings = printed.out.partition("\nFindings\n")
+    assert [line.split()[:2] for line in table.splitlines()[3:]] == [["train", "a"], ["test", "b"]]
+    assert findings.startswith("- refused in a (and 1 more: b): ")
+    assert "the first of 3 such cells up to line 3 (row 1): 1 in `q`, 2 in `v`. Correct them" in findings
+    assert findings.endswith("\nnothing is drawn\n")
+    assert main([*words, "--json"]) == 2
+    said = json.loads(capsys.readouterr().out)
+    assert [one["name"] for one in said["unreadable"]] == ["a", "b"]
+    assert (said["refused"], said["recordings"], said["findings"], said["figure"]) == (True, [], [], None)
+    assert not figure.exists()
+
+
+def test_what_is_wrong_with_a_file_is_said_before_what_is_wrong_with_it_beside_others(described, capsys):
+    (described.parent / "a.csv").write_text("")
+    described.write_text(described.read_text().replace('["a.csv"]', '["a.csv", "b.csv"]'))
+    assert main(["data", "check", str(described)]) == 2
+    first, second, *_ = capsys.readouterr().out.partition("Findings\n")[2].splitlines()
+    assert first.startswith("- refused in a: ")
+    assert second.startswith(f"- refused: `{described}`: [train] and [test] must have no rows in common")
 
 
 @pytest.mark.parametrize("ending", ["png", "pdf", "svg"])

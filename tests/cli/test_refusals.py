@@ -4,6 +4,7 @@ import errno
 import os
 import shutil
 
+import h5py
 import numpy as np
 import pytest
 
@@ -168,11 +169,16 @@ def test_damaged_models(arm_run, tmp_path, capsys, damage):
     assert "model.safetensors" in refused(capsys, "inspect", folder)
 
 
-def test_a_truncated_npz(described, tmp_path, capsys):
-    np.savez(tmp_path / "full.npz", t=np.arange(9.0), q=np.ones((9, 1)), v=np.ones((9, 1)), u=np.ones((9, 1)))
-    (tmp_path / "cut.npz").write_bytes((tmp_path / "full.npz").read_bytes()[:300])
-    described.write_text(described.read_text().replace("a.csv", "cut.npz"))
-    assert "cut.npz" in refused(capsys, "train", described, "--out", tmp_path / "run")
+@pytest.mark.parametrize("ending", ["npz", "h5"])
+def test_a_truncated_file_of_arrays(described, tmp_path, capsys, ending):
+    arrays = {"t": np.arange(9.0), "q": np.ones((9, 1)), "v": np.ones((9, 1)), "u": np.ones((9, 1))}
+    np.savez(tmp_path / "full.npz", **arrays)
+    with h5py.File(tmp_path / "full.h5", "w") as file:
+        file.update(arrays)
+    cut = tmp_path / f"cut.{ending}"
+    cut.write_bytes((tmp_path / f"full.{ending}").read_bytes()[:300])
+    described.write_text(described.read_text().replace("a.csv", cut.name))
+    assert cut.name in refused(capsys, "train", described, "--out", tmp_path / "run")
 
 
 def test_a_full_disk(tmp_path, capsys, monkeypatch):

@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 
 from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 from symoden.data._description import read_description
-from symoden.data._logs import angles, read_logs
+from symoden.data._logs import Log, angles, read_logs
 from symoden.data._merged import on_one_clock
 
 EPOCH = 1.7e9
@@ -56,7 +56,8 @@ def states(t, *, turns=False):
 def brought(path):
     description = read_description(path)
     is_angle = angles(path, description)
-    (log,) = read_logs(path, description)
+    (log,) = read_logs(path, description).found
+    assert isinstance(log, Log)
     return log, on_one_clock(log, is_angle, description.hold)
 
 
@@ -232,9 +233,12 @@ def test_clocks_that_have_no_time_in_common_are_refused(tmp_path, shift):
     generator = np.random.default_rng(0)
     t, tu = clock(generator, 0.008), clock(generator, 0.01)
     path = merged(tmp_path, states(t), pl.DataFrame({"t": tu + shift, "u": tu}))
-    for read in (read_dataset, check_dataset):
-        with pytest.raises(DataError, match=r"column `t` must be of one clock; `u` has numbers from .* Bring the time"):
-            read(path)
+    with pytest.raises(
+        DataError, match=r"column `t` must be of one clock; `u` has numbers from .* Bring the time"
+    ) as caught:
+        read_dataset(path)
+    (unreadable,) = check_dataset(path).unreadable
+    assert unreadable.finding.text == str(caught.value)
 
 
 def test_an_input_that_is_silent_for_long_is_named(tmp_path):

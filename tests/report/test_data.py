@@ -49,6 +49,11 @@ def test_each_recording_is_a_row_and_each_column_a_panel(check):
         np.testing.assert_array_equal(line.get_ydata(), each.log.signals[role][:, 0])
 
 
+def test_where_nothing_can_be_read_there_is_nothing_to_draw(check):
+    with pytest.raises(ValueError, match="must be a recording to draw; no file can be read"):
+        draw_check(dataclasses.replace(check, recordings=()))
+
+
 @pytest.mark.parametrize(("hold", "style"), [("zero", "steps-post"), ("linear", "default")])
 def test_inputs_that_are_held_are_drawn_as_steps(check, hold, style):
     check = dataclasses.replace(check, description=dataclasses.replace(check.description, hold=hold))

@@ -29,23 +29,24 @@ def run(command: Data) -> None:
 
     Raises:
         ValueError: If the figure's format is unknown.
-        DataError: If the description or every file cannot be read; and in the end, if training refuses the data.
+        DataError: If the description is not what it must be; and in the end, if training refuses the data.
     """
     check_figure(command.figure)
     try:
         check = check_dataset(command.source, space=command.space)
     except DataError as error:
         raise DataError(str(error)) from None  # A file that the system refuses is wrong input, as any other is.
-    if command.figure is not None:
-        _draw(check, command.figure)
+    figure = command.figure if check.recordings else None
+    if figure is not None:
+        _draw(check, figure)
     if command.general.json:
-        print_json(_as_json(check, command))
+        print_json(_as_json(check, command.source, figure))
     else:
         _print_recordings(check)
         _print_channels(check)
         _print_findings(check)
         if command.figure is not None:
-            print(f"\nall recordings are drawn in {command.figure}")
+            print(f"\n{'nothing is drawn' if figure is None else f'all recordings are drawn in {figure}'}")
     if check.refused:
         sys.stdout.flush()  # The message comes after what it is about, also where both go into one file.
         raise DataError(f"`{command.source}`: training refuses these data. Mend what is named refused.")
@@ -80,7 +81,9 @@ def _print_channels(check: DatasetCheck) -> None:
     """A line for each column, over all recordings."""
     columns = ("column", "role", "least", "most", "rms", "rounded to", "noise", "cut off", "moves", "(dq/dt) / v")
     measured = [each.channels for each in check.recordings if each.channels]
-    rows = [_channel_row(facts) for facts in zip(*measured, strict=True)] if measured else []
+    if not measured:
+        return
+    rows = [_channel_row(facts) for facts in zip(*measured, strict=True)]
     print_table("Columns over all recordings, in SI and rad (rounding and noise: medians)", columns, rows)
 
 
@@ -127,14 +130,14 @@ def _print_findings(check: DatasetCheck) -> None:
 
 
 def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, list[str]]]:
-    """Findings of the data set, then of the recordings: the first of its kind, and the names of all that have it."""
-    for finding in check.findings:
-        yield finding, []
+    """What cannot be read, then findings of the data set and of recordings: the first of its kind, and who has it."""
     reasons: dict[str, tuple[Finding, list[str]]] = {}
     for each in check.unreadable:
         reason = each.finding.text.replace(str(each.path), "")  # Files with the same one are named together.
         reasons.setdefault(reason, (each.finding, []))[1].append(each.name)
     yield from reasons.values()
+    for finding in check.findings:
+        yield finding, []
     groups: dict[tuple[str, str, str], tuple[Finding, list[str]]] = {}
     parts = Counter(each.log.name for each in check.recordings)  # One file may have rows in several.
     for each in check.recordings:
@@ -160,10 +163,10 @@ def _draw(check: DatasetCheck, path: Path) -> None:
     save_figure(draw_check(check), path, dpi=_DPI)
 
 
-def _as_json(check: DatasetCheck, command: Data) -> dict[str, object]:
+def _as_json(check: DatasetCheck, source: Path, figure: Path | None) -> dict[str, object]:
     """Everything that was found."""
     return {
-        "source": str(command.source),
+        "source": str(source),
         "space": check.description.space,
         "refused": check.refused,
         "findings": [_finding_as_json(finding) for finding in check.findings],
@@ -177,7 +180,7 @@ def _as_json(check: DatasetCheck, command: Data) -> dict[str, object]:
             }
             for each in check.unreadable
         ],
-        "figure": None if command.figure is None else str(command.figure),
+        "figure": None if figure is None else str(figure),
     }
 
 

@@ -133,7 +133,7 @@ def blind_spots(
         DataError: If a described interval of an angle is a turn or more.
     """
     found: list[BlindSpot] = []
-    for i, name in enumerate(logs[0].names["positions"]):
+    for i, name in enumerate(logs[0].names["positions"] if logs else ()):
         told = of_column(name, described)
         if told is None:
             found.extend(_search(name, logs, i, is_angle=bool(is_angle[i])))

@@ -28,12 +28,13 @@ from ._logs import Log, angles
 from ._masking import Mask
 from ._pace import find_fast_sampling, find_slow_sampling
 from ._read_dataset import assemble
+from ._reading import Reading, read_all
 from ._recordings import recordings_of
-from ._survey import Survey, survey
+from ._survey import survey
 from ._trainable import check_trainable
 from ._trajectory import ROUNDED, Trajectory
 from ._uneven import find_uneven
-from ._unreadable import Unreadable, without_unreadable
+from ._unreadable import Unreadable
 from ._zeros import find_counted_zeros
 
 _ENDS = 2  # First and last rows of a recording, in which inputs are switched on and off.
@@ -73,7 +74,7 @@ class DatasetCheck:
         description: What the description says.
         recordings: What was found in each file that can be read, part by part.
         findings: What is worth saying of them together.
-        unreadable: The other files.
+        unreadable: The other files, and recordings in files.
     """
 
     description: Description
@@ -100,10 +101,10 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         space: Configuration space to take instead of the description's.
 
     Returns:
-        What was found; whatever else `read_dataset` refuses is a finding here.
+        What was found; whatever else `read_dataset` refuses is a finding here, and a file that cannot be read is named.
 
     Raises:
-        DataError: If the description cannot be read, or none of its files can.
+        DataError: If the description is not what it must be.
 
     Example:
         >>> check = check_dataset("arm.toml")  # doctest: +SKIP
@@ -113,36 +114,28 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     path = Path(path)
     description = read_description(path, space=space)
     is_angle = angles(path, description)
-    (logs, used, rows, examinations, replaced), unreadable = _surveyed(path, description, is_angle)
+    reading = read_all(path, description, is_angle)
+    used, rows, examinations, replaced = survey(reading.logs, description, is_angle)
     made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, rows, strict=True)]
     checks = tuple(
         dataclasses.replace(_check(log, recordings, outcome, examination, is_angle), log=logged)
-        for logged, log, (recordings, outcome), examination in zip(logs, used, made, examinations, strict=True)
+        for logged, log, (recordings, outcome), examination in zip(reading.logs, used, made, examinations, strict=True)
     )
     checks = tuple(_advised(check, checks) for check in checks)
     checks = tuple(
         dataclasses.replace(check, findings=(*clocks, *check.findings))
-        for check, clocks in zip(checks, find_other_clocks(logs, description), strict=True)
+        for check, clocks in zip(checks, find_other_clocks(reading.logs, description), strict=True)
     )
     together = [
+        *map(refusal, reading.refusals),
         *([replaced] if replaced else []),
         *_idle_everywhere(checks),
-        *find_counted_zeros(logs, [check.channels for check in checks]),
+        *find_counted_zeros(reading.logs, [check.channels for check in checks]),
+        *_together(path, description, reading, made, is_angle),
     ]
-    if not unreadable and all(isinstance(outcome, Mask) for _, outcome in made):
-        together.extend(_assembled(path, description, logs, [recordings for recordings, _ in made], is_angle))
-    return DatasetCheck(description=description, recordings=checks, findings=tuple(together), unreadable=unreadable)
-
-
-def _surveyed(path: Path, description: Description, is_angle: np.ndarray) -> tuple[Survey, tuple[Unreadable, ...]]:
-    """What was found in the files that can be read, and the others."""
-    try:
-        return survey(path, description, is_angle), ()
-    except DataError:
-        readable, others = without_unreadable(path, description, is_angle)
-        if not others or not readable.parts:
-            raise
-    return survey(path, readable, is_angle), others
+    return DatasetCheck(
+        description=description, recordings=checks, findings=tuple(together), unreadable=reading.unreadable
+    )
 
 
 def _made(
@@ -157,14 +150,19 @@ def _made(
         return (), error
 
 
-def _assembled(
+def _together(
     path: Path,
     description: Description,
-    logs: Sequence[Log],
-    recordings: Sequence[tuple[Trajectory, ...]],
+    reading: Reading,
+    made: Sequence[tuple[tuple[Trajectory, ...], Mask | DataError]],
     is_angle: np.ndarray,
 ) -> list[Finding]:
     """What keeps the recordings from being a data set, or is worth saying of their lengths, rate and inputs."""
+    usable = [(log, each) for log, (each, rows) in zip(reading.logs, made, strict=True) if isinstance(rows, Mask)]
+    whole = len(usable) == len(reading.logs) and not reading.unreadable and not reading.refusals
+    if not whole:
+        return []
+    logs, recordings = zip(*usable, strict=True)
     try:
         dataset = assemble(path, description, logs, recordings)
         check_trainable(dataset)

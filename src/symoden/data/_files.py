@@ -2,7 +2,6 @@
 
 import logging
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 from ._errors import DataError
@@ -11,27 +10,39 @@ _LOGGER = logging.getLogger(__name__)
 _VARIABLE = "SYMODEN_DATA"
 
 
-def find_files(patterns: Sequence[str], description: Path) -> tuple[Path, ...]:
+def find_files(pattern: str, description: Path) -> tuple[Path, ...]:
     """Find files by name or by pattern (`*`, `?`, `[…]`, `**`).
 
     A relative pattern is looked for beside the description; where nothing matches there, in the data directories,
     and the first that has a match is taken.
 
     Args:
-        patterns: Names or patterns.
-        description: File that gives them.
+        pattern: Name or pattern.
+        description: File that gives it.
 
     Returns:
-        The files in the order of the patterns, each pattern's sorted by name, each file once.
+        The files, sorted by name.
 
     Raises:
-        DataError: If a pattern matches no file.
+        DataError: If it matches no file.
     """
-    found: dict[Path, Path] = {}
-    for pattern in patterns:
-        for path in _matches(pattern, description):
-            found.setdefault(path.resolve(), path)
-    return tuple(found.values())
+    expanded = Path(pattern).expanduser()
+    if expanded.is_absolute():
+        folders = [Path(expanded.anchor)]
+        relative = str(expanded.relative_to(expanded.anchor))
+    else:
+        folders = [description.parent, *data_directories(description)]
+        relative = pattern
+    for folder in folders:
+        exact = folder / relative
+        paths = [exact] if exact.is_file() else _globbed(folder, relative, description)
+        if paths:
+            _LOGGER.info("%s: `%s` is %d file(s) in %s", description, pattern, len(paths), folder)
+            return tuple(paths)
+    raise DataError(
+        f"`{description}`: no file matches `{pattern}`; looked in {', '.join(f'`{folder}`' for folder in folders)}. "
+        f"Correct `files`, or name the folder of the data by the environment variable {_VARIABLE}."
+    )
 
 
 def data_directories(description: Path) -> tuple[Path, ...]:
@@ -50,27 +61,6 @@ def data_directories(description: Path) -> tuple[Path, ...]:
     above = [folder / name for folder in description.resolve().parents for name in ("data", "shared/data")]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return (*([Path(named).expanduser()] if named else []), *above, cache / "symoden" / "data")
-
-
-def _matches(pattern: str, description: Path) -> list[Path]:
-    """Files of one pattern, from the first folder that has any."""
-    expanded = Path(pattern).expanduser()
-    if expanded.is_absolute():
-        folders = [Path(expanded.anchor)]
-        relative = str(expanded.relative_to(expanded.anchor))
-    else:
-        folders = [description.parent, *data_directories(description)]
-        relative = pattern
-    for folder in folders:
-        exact = folder / relative
-        paths = [exact] if exact.is_file() else _globbed(folder, relative, description)
-        if paths:
-            _LOGGER.info("%s: `%s` is %d file(s) in %s", description, pattern, len(paths), folder)
-            return paths
-    raise DataError(
-        f"`{description}`: no file matches `{pattern}`; looked in {', '.join(f'`{folder}`' for folder in folders)}. "
-        f"Correct `files`, or name the folder of the data by the environment variable {_VARIABLE}."
-    )
 
 
 def _globbed(folder: Path, pattern: str, description: Path) -> list[Path]:

@@ -1,8 +1,6 @@
 """What the files of a description hold, in SI and rad: everything as it was logged, good or bad."""
 
 import dataclasses
-import itertools
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,9 +12,10 @@ from ._description import ALL_ROWS, Description, angles_of
 from ._errors import DataError
 from ._impossible import Impossible, without_impossible
 from ._parts import read_parts
-from ._readers import Rows, suffix_of
+from ._readers import Rows, stem_of
 from ._tables import place
 from ._units import of_column, split_unit
+from ._unreadable import Unreadable
 
 
 class Left(NamedTuple):
@@ -161,7 +160,19 @@ class Log:
         return place(self.path, int(self.rows[row]))
 
 
-def read_logs(path: Path, description: Description) -> tuple[Log, ...]:
+class Logs(NamedTuple):
+    """What the files of a description hold.
+
+    Attributes:
+        found: The logs, or why there is none, part by part, in the order of the files.
+        refusals: What the description says of the parts that is not so.
+    """
+
+    found: tuple[Log | Unreadable, ...]
+    refusals: tuple[DataError, ...]
+
+
+def read_logs(path: Path, description: Description) -> Logs:
     """Read the files of a description.
 
     Args:
@@ -169,32 +180,33 @@ def read_logs(path: Path, description: Description) -> tuple[Log, ...]:
         description: What it says.
 
     Returns:
-        The logs, part by part, in the order of the files.
+        The logs; that a file cannot be read is for the caller to raise or to report.
 
     Raises:
-        DataError: If a file cannot be read, lacks a column, or one part has rows of another one.
+        DataError: If the description says another number of coordinates than it has columns.
     """
     is_angle = angles(path, description)
-    parts = read_parts(path, description)
-    _refuse_overlaps(path, parts)
-    return tuple(
-        log
+    parts, refusals = read_parts(path, description)
+    found = {
+        name: [one if isinstance(one, Unreadable) else _log_of(name, one, description, is_angle) for one in part]
         for name, part in parts.items()
-        for log in _told_apart([_log(name, rows, description, is_angle) for rows in part])
-    )
+    }
+    return Logs(tuple(one for part in found.values() for one in _told_apart(part)), refusals)
 
 
-def _told_apart(logs: Sequence[Log]) -> list[Log]:
-    """The logs of a part, each with a name of its own."""
-    names = [log.name for log in logs]
-    above = [log.path.resolve().parent.parts[1:] for log in logs]
+def _told_apart(part: Sequence[Log | Unreadable]) -> list[Log | Unreadable]:
+    """The logs of a part, each with a name of its own where folders tell them apart."""
+    names = [one.name for one in part]
+    above = [one.path.resolve().parent.parts[1:] for one in part]
     for depth in range(max(map(len, above), default=0)):
-        shared = {name for name, count in Counter(names).items() if count > 1}
+        places: dict[str, set[tuple[str, ...]]] = {}
+        for name, folders in zip(names, above, strict=True):
+            places.setdefault(name, set()).add(folders)
         names = [
-            f"{folders[-1 - depth]}-{name}" if name in shared and depth < len(folders) else name
+            f"{folders[-1 - depth]}-{name}" if len(places[name]) > 1 and depth < len(folders) else name
             for name, folders in zip(names, above, strict=True)
         ]
-    return [dataclasses.replace(log, name=name) for log, name in zip(logs, names, strict=True)]
+    return [dataclasses.replace(one, name=name) for one, name in zip(part, names, strict=True)]
 
 
 def angles(path: Path, description: Description) -> np.ndarray:
@@ -225,28 +237,16 @@ def _refuse_other_size(path: Path, space: str, is_angle: np.ndarray, columns: in
         )
 
 
-def _refuse_overlaps(path: Path, parts: Mapping[str, tuple[Rows, ...]]) -> None:
-    """Refuse rows that are in two parts: a test on what was learned from tells nothing."""
-    read = {name: _by_file(rows) for name, rows in parts.items()}
-    for (name, files), (other_name, other_files) in itertools.combinations(read.items(), 2):
-        for file in files.keys() & other_files.keys():
-            shared = np.intersect1d(files[file], other_files[file], assume_unique=True)
-            if len(shared):
-                raise DataError(
-                    f"`{path}`: [{name}] and [{other_name}] must have no rows in common; both have rows {shared[0]} "
-                    f"to {shared[-1]} of `{file}`. Name other files, other `rows` or `recordings`."
-                )
+def _log_of(part: str, rows: Rows, description: Description, is_angle: np.ndarray) -> Log | Unreadable:
+    """The log of a recording, or why there is none."""
+    name = "-".join(str(each) for each in (stem_of(rows.path), rows.label, rows.interval) if each is not None)
+    try:
+        return _log(part, name, rows, description, is_angle)
+    except DataError as error:
+        return Unreadable(part=part, name=name, path=rows.path, error=error)
 
 
-def _by_file(part: Sequence[Rows]) -> dict[Path, np.ndarray]:
-    """Rows of each file that a part has."""
-    found: dict[Path, list[np.ndarray]] = {}
-    for rows in part:
-        found.setdefault(rows.path.resolve(), []).append(rows.index)
-    return {path: np.concatenate(each) for path, each in found.items()}
-
-
-def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) -> Log:
+def _log(part: str, name: str, rows: Rows, description: Description, is_angle: np.ndarray) -> Log:
     """The rows of a file by what they mean."""
     if len(rows) < 2:
         chosen = description.parts[part].rows_of(rows.path) != ALL_ROWS
@@ -266,10 +266,9 @@ def _log(part: str, rows: Rows, description: Description, is_angle: np.ndarray) 
             f"`{rows.path}`: velocities or momenta must have one column per position, {q.shape[1]}; "
             f"got {rates.shape[1]}."
         )
-    stem = rows.path.name[: -len(suffix_of(rows.path))]
     return Log(
         part=part,
-        name="-".join(str(each) for each in (stem, rows.label, rows.interval) if each is not None),
+        name=name,
         path=rows.path,
         rows=rows.index,
         ts=_times(rows, description),

@@ -2,8 +2,9 @@
 
 import dataclasses
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,12 +12,25 @@ from ._description import Description, Part
 from ._errors import DataError, listing, nearest
 from ._files import find_files
 from ._formulas import read_columns
-from ._readers import Rows
+from ._readers import Rows, stem_of
 from ._tables import place
 from ._units import in_si
+from ._unreadable import Unreadable
 
 
-def read_parts(path: Path, description: Description) -> dict[str, tuple[Rows, ...]]:
+class Parts(NamedTuple):
+    """What the files of a description hold, part by part.
+
+    Attributes:
+        rows: Rows in SI and rad of each recording of a part, in the order of the files; or why there are none.
+        refusals: What the description says of the parts that is not so.
+    """
+
+    rows: dict[str, tuple[Rows | Unreadable, ...]]
+    refusals: tuple[DataError, ...]
+
+
+def read_parts(path: Path, description: Description) -> Parts:
     """Read the files of a description.
 
     Args:
@@ -24,45 +38,69 @@ def read_parts(path: Path, description: Description) -> dict[str, tuple[Rows, ..
         description: What it says.
 
     Returns:
-        Rows in SI and rad of each recording, by part, in the order of the files.
-
-    Raises:
-        DataError: If a file cannot be read, lacks a column, or no file has a recording that is named.
+        The rows; that a file cannot be read, or that no file has a recording that is named, is for the caller to raise
+        or to report.
     """
-    every = {name: _read_part(path, description, name) for name in description.parts}
+    files = {name: _files(path, name, part) for name, part in description.parts.items()}
+    every = {
+        name: tuple(each for file in files[name] for each in _recordings_of(path, description, name, file))
+        for name in description.parts
+    }
     chosen = {
-        name: _chosen(path, name, part.recordings, every[name])
+        name: tuple(one for one in every[name] if isinstance(one, Unreadable) or one.label in part.recordings)
         for name, part in description.parts.items()
         if part.recordings
     }
-    taken = {(rows.path.resolve(), rows.label) for part in chosen.values() for rows in part}
+    taken = {(one.path.resolve(), one.label) for part in chosen.values() for one in part if isinstance(one, Rows)}
     rest = {
-        name: tuple(rows for rows in part if (rows.path.resolve(), rows.label) not in taken)
+        name: tuple(one for one in part if isinstance(one, Unreadable) or (one.path.resolve(), one.label) not in taken)
         for name, part in every.items()
     }
-    for name, part in rest.items():
-        if name not in chosen and not part:
-            raise DataError(
+    refusals = [
+        *(error for name, part in description.parts.items() for error in _unknown(path, part, name, files[name])),
+        *(error for name in chosen for error in _absent(path, name, description.parts[name].recordings, every[name])),
+        *(
+            DataError(
                 f"`{path}`: [{name}] must have recordings that no other part names; got none. Name fewer in the others."
             )
-    return rest | chosen
+            for name, part in rest.items()
+            if name not in chosen and not part
+        ),
+    ]
+    return Parts(rest | chosen, tuple(refusals))
 
 
-def _read_part(path: Path, description: Description, name: str) -> tuple[Rows, ...]:
-    """Rows of all files of one part."""
-    part, found = description.parts[name], []
-    files = find_files(part.files, path)
-    _refuse_unknown(path, part, name, files)
-    for file in files:
-        intervals = part.rows_of(file)
+def _files(path: Path, name: str, part: Part) -> tuple[Path | Unreadable, ...]:
+    """The files of a part, each once, and its patterns that match none."""
+    found: dict[Path, Path | Unreadable] = {}
+    for pattern in part.files:
+        try:
+            for file in find_files(pattern, path):
+                found.setdefault(file.resolve(), file)
+        except DataError as error:
+            named = Path(pattern)
+            found[named] = Unreadable(part=name, name=stem_of(named) or pattern, path=named, error=error)
+    return tuple(found.values())
+
+
+def _recordings_of(
+    path: Path, description: Description, name: str, file: Path | Unreadable
+) -> Sequence[Rows | Unreadable]:
+    """Rows of each recording of a file, or why it has none."""
+    if isinstance(file, Unreadable):
+        return [file]
+    intervals = description.parts[name].rows_of(file)
+    try:
         read = [_read(file, description, slice(*each)) for each in intervals]
         _refuse_absent(path, description, name, read)
         _refuse_repeated(path, name, read)
-        for k, each in enumerate(read, start=1):
-            rows = in_si(each, description.units, description.zeros)
-            numbered = dataclasses.replace(rows, interval=k if len(read) > 1 else None)
-            found.extend(_apart(numbered, description.recording))
-    return tuple(found)
+        scaled = [in_si(each, description.units, description.zeros) for each in read]
+        numbered = [
+            dataclasses.replace(rows, interval=k if len(read) > 1 else None) for k, rows in enumerate(scaled, start=1)
+        ]
+        return [one for rows in numbered for one in _apart(rows, description.recording)]
+    except DataError as error:
+        return [Unreadable(part=name, name=stem_of(file), path=file, error=error)]
 
 
 def _read(file: Path, description: Description, rows: slice) -> Rows:
@@ -72,12 +110,13 @@ def _read(file: Path, description: Description, rows: slice) -> Rows:
     )
 
 
-def _refuse_unknown(path: Path, part: Part, name: str, files: Sequence[Path]) -> None:
-    """Refuse rows of files that the part does not have."""
+def _unknown(path: Path, part: Part, name: str, files: Sequence[Path | Unreadable]) -> Iterator[DataError]:
+    """Rows of files that the part does not have."""
+    named = [file.path if isinstance(file, Unreadable) else file for file in files]
     for pattern in part.rows:
-        if not any(file.match(pattern) for file in files):
-            known = dict.fromkeys(file.name for file in files)
-            raise DataError(
+        if not any(file.match(pattern) for file in named):
+            known = dict.fromkeys(file.name for file in named)
+            yield DataError(
                 f"`{path}`: [{name}] `rows` must be of files that the part has; got `{pattern}`."
                 f"{nearest(pattern, known)} It has {listing(known)}."
             )
@@ -133,18 +172,21 @@ def _filled(rows: Rows, recording: str | None) -> np.ndarray:
     return labels[last]
 
 
-def _chosen(path: Path, name: str, wanted: Sequence[str], every: Sequence[Rows]) -> tuple[Rows, ...]:
-    """The recordings that a part names."""
-    found: Mapping[str, None] = dict.fromkeys(rows.label for rows in every if rows.label is not None)
-    if not found and any(len(rows) for rows in every):
-        raise DataError(
+def _absent(path: Path, name: str, wanted: Sequence[str], every: Sequence[Rows | Unreadable]) -> Iterator[DataError]:
+    """Recordings that a part names and none of its files has, where all of these can be read."""
+    if any(isinstance(one, Unreadable) for one in every):
+        return  # It may have them.
+    rows = [one for one in every if isinstance(one, Rows)]
+    found: Mapping[str, None] = dict.fromkeys(one.label for one in rows if one.label is not None)
+    if not found and any(len(one) for one in rows):
+        yield DataError(
             f"`{path}`: [{name}] `recordings` are told apart by a column, a star in names of variables, or the first "
             'of three axes of arrays; got none of them. Name the column: `recording = "trial"` before the tables.'
         )
+        return
     for label in wanted:
         if label not in found:
-            raise DataError(
+            yield DataError(
                 f"`{path}`: [{name}] `recordings` must name those of its files; got `{label}`.{nearest(label, found)} "
                 f"They have {listing(found)}."
             )
-    return tuple(rows for rows in every if rows.label in wanted)

@@ -20,11 +20,13 @@ from ._input_signs import find_input_signs
 from ._left_out import find_merged
 from ._logs import Log, angles
 from ._masking import Mask
+from ._reading import read_all
 from ._recordings import recordings_of
 from ._survey import survey
 from ._trajectory import Trajectory
 from ._uneven import find_uneven
 from ._units import of_column, split_unit
+from ._unreadable import Unreadable
 
 _SHOWN = 3  # recordings that a warning names
 
@@ -59,9 +61,13 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     path = Path(path)
     description = read_description(path, space=space)
     is_angle = angles(path, description)
-    logs, used, rows, examinations, replaced = survey(path, description, is_angle)
+    logs, unreadable, refusals = read_all(path, description, is_angle)
+    _refuse_unreadable(path, unreadable)
+    used, rows, examinations, replaced = survey(logs, description, is_angle)
     masks = [_usable(each) for each in rows]
     recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
+    if refusals:  # What is wrong with a file comes before what is wrong with it beside others.
+        raise refusals[0]
     dataset = assemble(path, description, used, recordings)
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
@@ -70,6 +76,16 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     for finding in (*find_copies(logs), *find_input_signs(dataset, description, is_angle), *contradictions):
         warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
+
+
+def _refuse_unreadable(path: Path, unreadable: Sequence[Unreadable]) -> None:
+    """Refuse files that cannot be read: the first one, and how many there are."""
+    if not unreadable:
+        return
+    first, *others = unreadable
+    more = len({(one.path, one.name) for one in others} - {(first.path, first.name)})
+    told = f" {more} more cannot be read either: `symoden data check {path}` says why." if more else ""
+    raise DataError(f"{first.error}{told}") from first.error
 
 
 def _usable(rows: Mask | DataError) -> Mask:

@@ -78,6 +78,11 @@ def suffix_of(path: Path) -> str:
     return max(endings, key=len, default="")
 
 
+def stem_of(path: Path) -> str:
+    """A file's name without the ending that says its format."""
+    return path.name[: len(path.name) - len(suffix_of(path))]
+
+
 def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None = None) -> Rows:
     """Read the columns or variables that selectors name.
 

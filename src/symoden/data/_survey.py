@@ -1,11 +1,10 @@
 """Which rows of every log are used, what is wrong with them, and which velocities are not taken as they are."""
 
-from pathlib import Path
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ._arrivals import on_even_clock
 from ._blind import BlindSpot, blind_spots
 from ._description import Description
 from ._errors import DataError
@@ -13,9 +12,8 @@ from ._examine import Examination, examine
 from ._facts import Facts, measure
 from ._findings import Finding
 from ._late import replace_late
-from ._logs import Log, read_logs
+from ._logs import Log
 from ._masking import Mask
-from ._merged import on_one_clock
 from ._mismatch import find_wrong_clock
 from ._recordings import rows_to_use
 from ._stuck import StuckRows, find_stuck_rows
@@ -25,35 +23,29 @@ class Survey(NamedTuple):
     """What was found out about logs before recordings are made of them.
 
     Attributes:
-        logs: What was logged, on one clock each.
         used: The logs as they are used, without velocities where these are estimated.
         rows: Which of each one's rows are used, or why none are.
         examinations: What was found in each.
         replaced: That velocities are estimated although they were logged, if so.
     """
 
-    logs: tuple[Log, ...]
     used: tuple[Log, ...]
     rows: list[Mask | DataError]
     examinations: tuple[Examination, ...]
     replaced: Finding | None
 
 
-def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey:
-    """Read the logs of a description, examine them, and choose which of their rows and velocities are used.
+def survey(logs: Sequence[Log], description: Description, is_angle: np.ndarray) -> Survey:
+    """Examine logs, and choose which of their rows and velocities are used.
 
     Args:
-        path: The description's file.
-        description: What it says.
+        logs: What was logged, on one clock each.
+        description: What it means.
         is_angle: Whether each coordinate is an angle.
 
     Returns:
         What was found; that a log cannot be used is for the caller to raise or to report.
-
-    Raises:
-        DataError: If a file cannot be read, lacks a column, or one part has rows of another one.
     """
-    logs = read_on_clocks(path, description, is_angle)
     spots = blind_spots(logs, is_angle, description.blind)
     measured = [_measured(log, description, is_angle, spots) for log in logs]
     rows = [chosen for chosen, _ in measured]
@@ -64,26 +56,7 @@ def survey(path: Path, description: Description, is_angle: np.ndarray) -> Survey
         rows = [
             _rows(log, description, is_angle, spots, _stuck(chosen)) for log, chosen in zip(used, rows, strict=True)
         ]
-    return Survey(logs, used, rows, examined, replaced)
-
-
-def read_on_clocks(path: Path, description: Description, is_angle: np.ndarray) -> tuple[Log, ...]:
-    """Read the logs of a description, and bring each to one clock, which is even where stamps are of arrival.
-
-    Args:
-        path: The description's file.
-        description: What it says.
-        is_angle: Whether each coordinate is an angle.
-
-    Returns:
-        The logs.
-
-    Raises:
-        DataError: If a file cannot be read, lacks a column, or its clocks have nothing in common.
-    """
-    step = None if description.time is None else description.dt
-    logs = read_logs(path, description)
-    return tuple(on_even_clock(on_one_clock(log, is_angle, description.hold), step) for log in logs)
+    return Survey(used, rows, examined, replaced)
 
 
 def _measured(

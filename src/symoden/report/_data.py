@@ -33,7 +33,12 @@ def draw_check(check: DatasetCheck) -> Figure:
 
     Returns:
         A figure of its own size.
+
+    Raises:
+        ValueError: If there is no recording, as where no file can be read.
     """
+    if not check.recordings:
+        raise ValueError("There must be a recording to draw; no file can be read. `check.unreadable` says why.")
     signals = [(role, i) for role, signal in check.recordings[0].log.signals.items() for i in range(signal.shape[1])]
     size = [
         room + panel * count

@@ -1,0 +1,42 @@
+"""Rows of one file that are in two parts: a test on what was learned from tells nothing."""
+
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ._description import Description
+from ._errors import DataError
+from ._logs import Log
+
+
+def find_overlaps(path: Path, description: Description, logs: Sequence[Log]) -> tuple[DataError, ...]:
+    """Find rows that two parts have in common.
+
+    Args:
+        path: The description's file.
+        description: What it says.
+        logs: What was logged, with the rows that the files have.
+
+    Returns:
+        Why training refuses them: an error for each file and two parts.
+    """
+    parts = {name: _by_file([log for log in logs if log.part == name]) for name in description.parts}
+    return tuple(
+        DataError(
+            f"`{path}`: [{name}] and [{other}] must have no rows in common; both have rows {shared[0]} to {shared[-1]} "
+            f"of `{file}`. Name other files, other `rows` or `recordings`."
+        )
+        for (name, files), (other, others) in itertools.combinations(parts.items(), 2)
+        for file in files
+        if file in others and len(shared := np.intersect1d(files[file], others[file], assume_unique=True))
+    )
+
+
+def _by_file(part: Sequence[Log]) -> dict[Path, np.ndarray]:
+    """Rows of each file that a part has."""
+    found: dict[Path, list[np.ndarray]] = {}
+    for log in part:
+        found.setdefault(log.path.resolve(), []).extend([log.rows, np.array(log.repeats, dtype=log.rows.dtype)])
+    return {path: np.concatenate(each) for path, each in found.items()}
