@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from symoden.data import DataError, check_dataset, read_dataset
+from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 
 from .conftest import NAMES, arm, written
 
@@ -162,3 +162,31 @@ def test_of_clocks_that_are_refused_the_file_is_named_alone(tmp_path):
     assert named(check) == [("train", "run0")]
     assert "rows must be taken once in that time, or less often" in check.unreadable[0].finding.text
     assert [one.log.name for one in check.recordings] == ["run1"]
+
+
+def test_files_that_can_be_read_are_compared_all_the_same(tmp_path):
+    path = written(tmp_path, arm(0), arm(1), arm(2))
+    described(path, '"run2.csv"]', '"run2.csv"]\n[test]\nfiles = ["copy.csv"]')
+    (tmp_path / "copy.csv").write_bytes((tmp_path / "run1.csv").read_bytes())
+    rewrite(tmp_path / "copy.csv", u1=(0, "0.25"))  # No recording is the other number by number.
+    with pytest.warns(DataWarning, match=r"\[test\] has rows of \[train\]"):
+        read_dataset(path)
+    rewrite(tmp_path / "run0.csv", q1=(3, "off"))
+    rewrite(tmp_path / "run2.csv", t=(20, "0.0"))
+    check = check_dataset(path)
+    assert named(check) == [("train", "run0")]
+    assert [one.recordings for one in check.recordings] == [1, 0, 1]
+    assert "copy" in {finding.kind for finding in check.findings}
+
+
+def test_what_the_other_files_lack_is_not_said_where_one_cannot_be_read(tmp_path):
+    still = arm(1)
+    still[:, 1:5] = 0.5
+    path = written(tmp_path, arm(0), still)
+    rewrite(tmp_path / "run0.csv", q1=(3, "off"))
+    check = check_dataset(path)
+    assert named(check) == [("train", "run0")]
+    assert texts(check) == []
+    described(path, '"run0.csv", ', "")
+    (text,) = texts(check_dataset(path))
+    assert "what is to be learned must move in [train]" in text

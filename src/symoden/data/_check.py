@@ -160,19 +160,20 @@ def _together(
     """What keeps the recordings from being a data set, or is worth saying of their lengths, rate and inputs."""
     usable = [(log, each) for log, (each, rows) in zip(reading.logs, made, strict=True) if isinstance(rows, Mask)]
     whole = len(usable) == len(reading.logs) and not reading.unreadable and not reading.refusals
-    if not whole:
+    if not usable:
         return []
     logs, recordings = zip(*usable, strict=True)
     try:
         dataset = assemble(path, description, logs, recordings)
         check_trainable(dataset)
     except DataError as error:
-        return [refusal(error)]
+        return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.
     late = find_late_inputs(dataset, description.input_delay, is_angle)
     inputs = *find_feedback(dataset, is_angle), *(late or find_other_hold(dataset, is_angle))
     signs = *find_input_signs(dataset, description, is_angle), *find_contradictions(dataset, is_angle)
     pace = *find_slow_sampling(dataset, is_angle), *find_fast_sampling(dataset, is_angle)
-    return [*find_copies(logs), *find_short(dataset, is_angle), *pace, *inputs, *signs]
+    copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
+    return [*copies, *find_short(dataset, is_angle), *pace, *inputs, *signs]
 
 
 def _check(
