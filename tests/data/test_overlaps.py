@@ -69,3 +69,26 @@ def test_training_names_a_damaged_file_before_rows_in_common(tmp_path, damage, s
     (tmp_path / "run1.csv").write_text("\n".join(damage(lines)) + "\n")
     with pytest.raises(DataError, match=said):
         read_dataset(path)
+
+
+def test_of_rows_that_are_counted_from_the_end_of_a_file_that_was_cut_off_the_end_is_blamed(tmp_path):
+    path = split(tmp_path, train=[0, 400], test=[-200], samples=600)
+    assert refusals(path) == []
+    lines = (tmp_path / "run0.csv").read_text().splitlines()
+    (tmp_path / "run0.csv").write_text("\n".join(lines[:301]) + "\n")
+    (text,) = refusals(path)
+    assert "run0.csv`, which ends before row 400 of [train]: perhaps it was cut off. Name other" in text
+
+
+def test_where_parts_have_recordings_of_a_file_nothing_is_said_of_its_end(tmp_path):
+    path = split(tmp_path, train=[0, 200], test=[0, 200])
+    lines = (tmp_path / "run0.csv").read_text().splitlines()
+    rows = [f"{line},{row // 100}" for row, line in enumerate(lines[1:])]
+    (tmp_path / "run0.csv").write_text("\n".join([f"{lines[0]},trial", *rows]) + "\n")
+    text = (
+        path.read_text().replace('"run0.csv", "run1.csv"', '"run0.csv"').replace("[train]", "[train]\nrecordings = [0]")
+    )
+    path.write_text('recording = "trial"' + text.replace("[test]", "[test]\nrecordings = [0]"))
+    (text,) = refusals(path)
+    assert "both have rows 0 to 99 of" in text
+    assert "cut off" not in text

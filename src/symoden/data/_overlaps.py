@@ -26,7 +26,8 @@ def find_overlaps(path: Path, description: Description, logs: Sequence[Log]) -> 
     return tuple(
         DataError(
             f"`{path}`: [{name}] and [{other}] must have no rows in common; both have rows {shared[0]} to {shared[-1]} "
-            f"of `{file}`. Name other files, other `rows` or `recordings`."
+            f"of `{file}`{_ending(description, file, {name: files[file], other: others[file]})}. Name other files, "
+            "other `rows` or `recordings`."
         )
         for (name, files), (other, others) in itertools.combinations(parts.items(), 2)
         for file in files
@@ -40,3 +41,14 @@ def _by_file(part: Sequence[Log]) -> dict[Path, np.ndarray]:
     for log in part:
         found.setdefault(log.path.resolve(), []).extend([log.rows, np.array(log.repeats, dtype=log.rows.dtype)])
     return {path: np.concatenate(each) for path, each in found.items()}
+
+
+def _ending(description: Description, file: Path, rows: dict[str, np.ndarray]) -> str:
+    """That a file ends before rows that a part names, if so: then others are counted from an end that is none."""
+    for name, index in rows.items():
+        part = description.parts[name]
+        last = max((stop for _, stop in part.rows_of(file) if stop is not None), default=0)
+        told_apart = description.recording is not None or part.recordings
+        if last > index.max() + 1 and not told_apart:
+            return f", which ends before row {last} of [{name}]: perhaps it was cut off"
+    return ""

@@ -130,7 +130,8 @@ def _refuse_absent(path: Path, description: Description, name: str, intervals: S
             whole = _read(rows.path, description, slice(None))
             raise DataError(
                 f"`{path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has {len(whole)}, and "
-                f"none of them is in {[start] if stop is None else [start, stop]}. Name others."
+                f"none of them is in {[start] if stop is None else [start, stop]}. Name others, or copy the file again "
+                "if it was cut off."
             )
 
 
