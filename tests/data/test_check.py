@@ -258,12 +258,13 @@ def test_a_spike_of_a_length_is_no_wrap_of_an_angle(tmp_path, turns):
     assert found(path) == [("spike", "masked", "q1")]
 
 
-def test_a_large_pulse_of_an_input_is_kept(tmp_path):
+def test_a_large_pulse_of_an_input_is_named_and_kept(tmp_path):
     log = arm(samples=500)
     log[300, 5] = 1e6
     path = written(tmp_path, log)
-    assert found(path) == []
-    assert read_dataset(path).train[0].us.max() == 1e6
+    assert found(path) == [("spike", "warning", "u1")]
+    with pytest.warns(DataWarning, match="far beyond all others"):
+        assert read_dataset(path).train[0].us.max() == 1e6
 
 
 def test_a_file_that_ends_in_the_middle_of_a_line_has_one_finding(tmp_path):

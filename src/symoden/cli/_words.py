@@ -118,7 +118,7 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
     if "V" in certain.undetermined:
         yield (
-            "of V all is open: where neither gravity nor a spring acts, `V = \"0\"` under [known] says so, or `cyclic` "
+            'of V all is open: where neither gravity nor a spring acts, `V = "0"` under [known] says so, or `cyclic` '
             "names the coordinates that nothing depends on; compare by `evaluate`"
         )
     if certain.accelerations and any(_DIAGONAL.fullmatch(entry) for entry in certain.undetermined):
