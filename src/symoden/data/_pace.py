@@ -51,7 +51,9 @@ def find_fast_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
 
 
 def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
-    """Say that the motion is too fast for the rows.
+    """Say that the motion is too fast for the rows, of which velocities are estimated.
+
+    Of velocities that were measured a chatter at rest looks the same, and few rows do less harm.
 
     Args:
         dataset: Recordings as training sees them.
@@ -60,7 +62,7 @@ def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     Returns:
         One finding, or none.
     """
-    if not dataset.train:
+    if not dataset.train or dataset.train[0].noise_gain is None:
         return []
     step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in dataset.train])))
     time = float(np.min(time_scales(dataset.train, is_angle, idle=_IDLE)))
@@ -70,8 +72,9 @@ def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
         f"the motion is fast for the rows of [train]: rates change by about their own size in {time:.2g} s, and rows "
         f"are {step:.2g} s apart"
     )
-    advice = "Log faster, or move slower: a sine wants twelve rows a period" + (
-        "." if dataset.train[0].noise_gain is None else ", and from fewer its velocities are estimated too small."
+    advice = (
+        "Log faster, or move slower: a sine wants twelve rows a period, and from fewer its velocities are estimated "
+        "too small. If there are measured ones, name them as `velocities`."
     )
     return [Finding(kind="time", level="warning", channel="", text=text, advice=advice)]
 
