@@ -138,7 +138,7 @@ def _impossible(log: Log) -> list[Finding]:
             level="masked",
             channel=each.channel,
             text=f"`{each.channel}` has {each.counted}, first at {each.place}: {each.first:.10g}",
-            advice="All other numbers are a tenth of it at most; these rows are left out. If it was measured, convert "
+            advice="All other numbers are far from it; these rows are left out. If it was measured, convert "
             "the file to another unit."
             if each.placeholder
             else "No machine has such numbers; these rows are left out. Look for a logger that writes one where it "
