@@ -91,7 +91,7 @@ def _lone_inputs(facts: Facts) -> list[Finding]:
                 text=f"`{u.name}` has {count} far beyond all others, first at {stamp(float(facts.ts[alone[0]]))} s, "
                 f"by up to {np.abs(off[alone]).max():.3g} where the others range over {np.ptp(others):.3g}",
                 advice="Nothing need be done if these are impulses that the machine was given. If they are errors of a "
-                "sensor or a bus, empty these cells, or the model will be wrong: rows without all numbers are left out.",
+                "sensor or a bus, empty these cells: such rows are left out, and the model may be far off else.",
                 spans=tuple((float(facts.ts[k]), float(facts.ts[k])) for k in alone[:SHOWN_SPANS]),
             )
         )
