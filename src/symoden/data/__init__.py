@@ -29,10 +29,7 @@ from ._time_scale import least_lively as least_lively, time_scales as time_scale
 from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory
 from ._unreadable import Unreadable as Unreadable
-from ._velocities import (
-    estimate_velocities as estimate_velocities,
-    velocity_noise_gain as velocity_noise_gain,
-)
+from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
 from ._windows import (
     Windows as Windows,
     least_motion as least_motion,

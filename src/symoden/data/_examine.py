@@ -79,8 +79,7 @@ def _lone_inputs(facts: Facts) -> list[Finding]:
         alone, off = lone_samples(facts.ts, signal, "inputs")
         others = np.delete(signal, alone)
         alone = alone[np.abs(signal[alone] - np.median(others)) > _BEYOND * np.ptp(others)]
-        is_on = np.ptp(others) > _NOTHING * np.ptp(signal)
-        if not 0 < len(alone) <= _FEW * len(signal) * is_on:
+        if not 0 < len(alone) <= _FEW * len(signal) or np.ptp(others) <= _NOTHING * np.ptp(signal):
             continue
         count = f"{len(alone)} single samples" if len(alone) > 1 else "one sample"
         found.append(

@@ -10,7 +10,7 @@ import numpy as np
 from ._limits import LARGEST_NUMBER
 from ._readers import Rows
 from ._tables import place
-from ._units import of_column
+from ._units import number_of
 
 _NINES: Final = tuple(10.0**k - 1 for k in range(3, 10))
 _FULL: Final = tuple(2.0**k - 1 for k in (15, 16, 31, 32, 63, 64))  # Of counters; below zero they reach one further.
@@ -76,19 +76,17 @@ def without_impossible(
             huge = np.flatnonzero(np.abs(column) > LARGEST_NUMBER)
             for at, value in (
                 *([(huge, column[huge[0]])] if len(huge) else []),
-                *(() if role == "time" else _placeholders(column / _of(name, units, 1.0) + _of(name, zeros, 0.0))),
+                *(
+                    ()
+                    if role == "time"
+                    else _placeholders(column / number_of(name, units, 1.0) + number_of(name, zeros, 0.0))
+                ),
             ):
                 where = place(rows.path, int(rows.index[at[0]]))
                 of = Impossible(channel=name, rows=at, first=float(value), place=where, placeholder=at is not huge)
                 found.append(of)
                 column[at] = np.nan
     return dataclasses.replace(rows, signals=kept), tuple(found)
-
-
-def _of(name: str, numbers: Mapping[str, float], default: float) -> float:
-    """Number of a column."""
-    number = of_column(name, numbers)
-    return default if number is None else number
 
 
 def _placeholders(column: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:

@@ -30,8 +30,7 @@ def find_fast_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     rows = sum(map(len, dataset.train))
     if rows <= _LARGE:
         return []
-    step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in dataset.train])))
-    time = float(np.min(time_scales(dataset.train, is_angle, idle=_IDLE)))
+    step, time = _step_and_time(dataset, is_angle)
     longest = max(recording.duration for recording in dataset.train)
     if not _MANY * step <= time < longest:  # A longer one was not seen: the machine rests, or drifts.
         return []
@@ -64,8 +63,7 @@ def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     """
     if not dataset.train or dataset.train[0].noise_gain is None:
         return []
-    step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in dataset.train])))
-    time = float(np.min(time_scales(dataset.train, is_angle, idle=_IDLE)))
+    step, time = _step_and_time(dataset, is_angle)
     if time >= _FEWEST * step or not _is_always_fast(dataset):
         return []
     text = (
@@ -77,6 +75,12 @@ def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
         "too small. If there are measured ones, name them as `velocities`."
     )
     return [Finding(kind="time", level="warning", channel="", text=text, advice=advice)]
+
+
+def _step_and_time(dataset: Dataset, is_angle: np.ndarray) -> tuple[float, float]:
+    """The usual time between rows [s], and the one in which the fastest rates change by about their own size [s]."""
+    step = float(np.median(np.concatenate([np.diff(recording.ts) for recording in dataset.train])))
+    return step, float(np.min(time_scales(dataset.train, is_angle, idle=_IDLE)))
 
 
 def _is_always_fast(dataset: Dataset) -> bool:

@@ -243,6 +243,21 @@ def of_column(name: str, units: Mapping[str, T]) -> T | None:
     return units.get(name, units.get(variable_of(name), units.get(only)))
 
 
+def number_of(name: str, given: Mapping[str, float], default: float) -> float:
+    """Number that a table of the description gives a column.
+
+    Args:
+        name: The column.
+        given: Numbers by the name of a column or variable.
+        default: Of a column that has none there.
+
+    Returns:
+        The number.
+    """
+    number = of_column(name, given)
+    return default if number is None else number
+
+
 def _refuse_absent(rows: Rows, key: str, given: Iterable[str]) -> None:
     """Refuse to say something of columns that a variable does not have, as of `q[2]` where `q` has two."""
     names = [name for every in rows.names.values() for name in every]
@@ -256,5 +271,4 @@ def _refuse_absent(rows: Rows, key: str, given: Iterable[str]) -> None:
 
 def _each(names: tuple[str, ...], given: Mapping[str, float], default: float) -> np.ndarray:
     """Number of each column."""
-    numbers = [of_column(name, given) for name in names]
-    return np.array([default if number is None else number for number in numbers])
+    return np.array([number_of(name, given, default) for name in names])

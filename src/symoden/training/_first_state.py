@@ -49,8 +49,8 @@ def find_first_state(
         Coordinates and rates; as measured where there is one such sample, no noise is seen in measured rates, or the
         rollout diverges.
     """
-    samples, noise = first_samples(recording), measure_noise([recording])
-    if samples == 1 or not (noise.is_seen or recording.noise_gain is not None):
+    samples, is_estimated = first_samples(recording), recording.noise_gain is not None
+    if samples == 1 or not ((noise := measure_noise([recording])).is_seen or is_estimated):
         return recording.q[0], recording.rates[0]
     weights, sensors = _channels(recording, noise, dynamics.space)
     objective = Objective(jnp.asarray(weights), solver, hold, noise=jnp.asarray(sensors), level=jnp.asarray(1.0))
