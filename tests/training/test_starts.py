@@ -132,6 +132,15 @@ def test_good_sensors_beside_a_poor_model_hold_the_start(pendulum, small):
     assert moved[2] < 1e-3
 
 
+def test_rates_that_were_estimated_do_not_count(pendulum, small):
+    _, objective, _ = problem(pendulum(), small)
+    measured = dataclasses.replace(objective, measured=jnp.array([1.0, 1.0, 0.0]))
+    before, rows = (np.array(each.row_weights(10)) for each in (objective, measured))
+    assert rows[:, :2] == pytest.approx(before[:, :2])
+    assert before[:, 2].all()
+    assert not rows[:, 2].any()
+
+
 def test_a_free_motion_has_starts_too(pendulum, small):
     _, objective, batch = problem(pendulum(), small, noise=0.05)
     free = batch._replace(us=batch.us[:, :, :0])

@@ -61,6 +61,16 @@ def test_the_law_by_which_errors_follow_each_other_is_found(seed):
     assert following == pytest.approx(np.zeros((3, 3)), abs=0.03)
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_was_estimated_from_other_channels_is_no_news(seed):
+    generator = np.random.default_rng(seed)
+    errors = errors_of(generator, *autoregression(generator, 3), windows=50)
+    news = whiten(fit_whitening(errors, jnp.array([1.0, 0.0, 1.0])), errors)
+    measured = errors[:, :, ::2]
+    assert news[..., ::2] == pytest.approx(whiten(fit_whitening(measured), measured), rel=1e-9)
+    assert not news[..., 1].any()
+
+
 def test_it_does_not_matter_how_large_errors_are():
     generator = np.random.default_rng(0)
     errors = errors_of(generator, *autoregression(generator, 2))

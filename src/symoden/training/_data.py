@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from symoden.data import (
     ADAM_WINDOWS,
@@ -222,8 +222,21 @@ def _data(
     channels = dynamics.space.embedded_size + dynamics.space.size
     weights = channel_weights(train, dynamics) if config.scaled_loss else np.ones(channels)
     solver = RK4(config.substeps, unroll=config.unroll)
-    objective = Objective(jnp.asarray(weights, dtype), solver, HOLDS[dataset.hold], unroll=config.unroll)
+    objective = Objective(
+        jnp.asarray(weights, dtype),
+        solver,
+        HOLDS[dataset.hold],
+        unroll=config.unroll,
+        measured=_measured(dataset.train, dynamics.space, dtype),
+    )
     return Data(train, validation, objective)
+
+
+def _measured(recordings: Sequence[Trajectory], space: Space, dtype: DTypeLike) -> Float[Array, " o"] | None:
+    """1 for every channel that was measured, 0 for rates that were estimated from positions; None without such."""
+    if any(each.noise_gain is None for each in recordings):
+        return None
+    return jnp.asarray(channel_order(space) < space.size, dtype)
 
 
 def _horizon(dataset: Dataset, length: WindowLength) -> int:

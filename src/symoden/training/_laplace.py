@@ -25,6 +25,7 @@ from ._data import hold_out, levenberg_data
 from ._flatten import Flattening, cast, freed
 from ._gauss_newton import MOST_PARAMETERS, Linearization
 from ._level import LEAST_WINDOWS, expected_level
+from ._objective import measured_channels
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._relevance import Relevance
 from ._residuals import evaluate_loss, evaluate_residuals, mean_square
@@ -143,7 +144,7 @@ def infer_posterior(
         residuals = np.asarray(evaluate_residuals(model, data.objective.refined(solver, weighing), data.train), float)
         explained = config.scaled_loss and mean_square(residuals) < EXPLAINED  # Losses that carry units do not tell.
         if config.relevance_steps and not explained:
-            weighing = weighing.whitened(residuals)
+            weighing = weighing.whitened(residuals, measured_channels(data.objective))
         objective = data.objective.refined(solver, weighing)
         equations = Linearization.at(restore, theta, objective, data.train).normal_equations()
         elsewhere = None if data.validation is None else evaluate_loss(model, objective, data.validation)

@@ -12,7 +12,7 @@ from symoden.spaces import Space
 
 from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
-from ._objective import AbstractObjective, Batch, Objective
+from ._objective import AbstractObjective, Batch, Objective, measured_channels
 from ._residuals import evaluate_residuals
 from ._weighing import LARGEST, Weighing
 
@@ -65,7 +65,7 @@ def weigh(
     if batch.ts.shape[0] < LEAST_WINDOWS:
         return weighing
     residuals = evaluate_residuals(restore(theta), objective.refined(solver, weighing), batch)
-    weighing = weighing.whitened(np.asarray(residuals, float))
+    weighing = weighing.whitened(np.asarray(residuals, float), measured_channels(objective))
     equations = Linearization.at(restore, theta, objective.refined(solver, weighing), batch).normal_equations()
     if not is_sound(equations):
         return weighing

@@ -113,6 +113,9 @@ class Objective(AbstractObjective):
             leaves open. A start may leave its measurement only as far as the sensor's noise explains.
         whitening: Takes from errors what those before them tell, where starts are not free; None leaves them as they
             are.
+        measured: 1 for every channel, but 0 for rates that were estimated from positions; None where all were measured.
+            Estimates are the positions once more, and smoothed, which biases what is learned: where starts are free, or
+            errors are weighed by what they tell, they do not count.
     """
 
     weights: Float[Array, " o"]
@@ -122,6 +125,7 @@ class Objective(AbstractObjective):
     noise: Float[Array, " o"] | None = None
     level: Float[Array, ""] | None = None
     whitening: Whitening | None = None
+    measured: Float[Array, " o"] | None = None
 
     def refined(self, solver: AbstractSolver, weighing: Weighing) -> "Objective":
         """The same for second-order training.
@@ -134,8 +138,9 @@ class Objective(AbstractObjective):
             The objective.
         """
         if self.noise is None or math.isinf(weighing.level):
-            return Objective(self.weights, solver, self.hold, whitening=weighing.whitening)
-        return Objective(self.weights, solver, self.hold, noise=self.noise, level=weighing.level)
+            return Objective(self.weights, solver, self.hold, whitening=weighing.whitening, measured=self.measured)
+        free = {"noise": self.noise, "level": weighing.level, "measured": self.measured}
+        return Objective(self.weights, solver, self.hold, **free)
 
     @property
     def frees_starts(self) -> bool:
@@ -193,14 +198,15 @@ class Objective(AbstractObjective):
         Returns:
             The factors; the first row is the start's, where that is free.
         """
-        rows = jnp.broadcast_to(self.weights, (samples - 1, self.weights.shape[0]))
+        size = samples - 1, self.weights.shape[0]
         if self.noise is None or self.level is None:
-            return rows
+            return jnp.broadcast_to(self.weights, size)
         # The first sample counts as the others do, but more where the sensors are better than the model.
         sensors = self.weights * self.noise
         held = self.level >= _MOST_TRUST * sensors  # Also where there is no noise, nor a level.
         trust = jnp.where(held, _MOST_TRUST, jnp.maximum(self.level / jnp.where(held, 1, sensors), 1))
-        return jnp.concatenate([(trust * self.weights)[None], rows])
+        weights = self.weights if self.measured is None else self.measured * self.weights
+        return jnp.concatenate([(trust * weights)[None], jnp.broadcast_to(weights, size)])
 
 
 def channel_order(space: Space) -> Int[np.ndarray, " o"]:
@@ -214,6 +220,18 @@ def channel_order(space: Space) -> Int[np.ndarray, " o"]:
     """
     rates = space.size + np.arange(space.size)
     return np.concatenate([space.lengths, space.angles, space.angles, rates]).astype(int)
+
+
+def measured_channels(objective: AbstractObjective) -> Float[Array, " o"] | None:
+    """Which channels were measured, for what weighs errors.
+
+    Args:
+        objective: What makes them.
+
+    Returns:
+        1 for channels that were measured, 0 for those that were estimated; None where all were measured.
+    """
+    return objective.measured if isinstance(objective, Objective) else None
 
 
 def channel_weights(batch: Batch, dynamics: AbstractDynamics) -> np.ndarray:

@@ -83,19 +83,22 @@ class Weighing(NamedTuple):
         """
         return cls(jnp.asarray(level, float), Whitening.none(channels), jnp.asarray(1.0, float))
 
-    def whitened(self, residuals: Float[np.ndarray, "B k o"]) -> "Weighing":
+    def whitened(self, residuals: Float[np.ndarray, "B k o"], measured: Float[Array, " o"] | None = None) -> "Weighing":
         """The same with errors weighed by what is new in them; where starts are estimated, all of it is.
 
         Args:
             residuals: Of every window.
+            measured: Which channels tell anything, see `fit_whitening`.
 
         Returns:
             The weighing.
         """
-        return self if math.isfinite(self.level) else self._replace(whitening=fit_whitening(residuals))
+        if math.isfinite(self.level):
+            return self
+        return self._replace(whitening=fit_whitening(residuals, measured))
 
 
-def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
+def fit_whitening(residuals: Float[np.ndarray, "B k o"], measured: Float[Array, " o"] | None = None) -> Whitening:
     """Fit an autoregression to the residuals of windows, by least squares over all of them.
 
     What a force that no model has does to a rollout adds up: its errors grow, and those of late samples are alike.
@@ -104,8 +107,13 @@ def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
 
     The scale leaves the mean square as it is.
 
+    Rates that were estimated from positions have errors that no autoregression explains, smoothed over as many samples
+    as the estimate took: their innovations would look small and weigh most, with what smoothing took away. They are the
+    positions once more, and left out.
+
     Args:
         residuals: Of every window.
+        measured: 0 for channels that are left out, whose innovations are zero; if None, there are none.
 
     Returns:
         The whitening; one that changes nothing where residuals are too few, all zero or not finite, or one window has
@@ -116,14 +124,17 @@ def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
         *Application of least squares regression to relationships containing auto-correlated error terms*; Ljung
         (1999), *System identification*, chapter 7: models of the noise.
     """
+    every = residuals.shape[2]
+    kept = np.flatnonzero(np.ones(every) if measured is None else np.asarray(measured))
+    residuals = residuals[:, :, kept]
     windows, samples, channels = residuals.shape
     enough = windows * (samples - _ORDER) >= _SAMPLES * _ORDER * channels
     if not enough or not np.abs(residuals).max() < LARGEST:
-        return Whitening.none(channels)
+        return Whitening.none(every)
     squares = np.mean(residuals**2, axis=(1, 2))
     square = float(squares.mean())
     if not square > np.finfo(float).tiny or squares.max() > _ASTRAY * squares.sum():
-        return Whitening.none(channels)
+        return Whitening.none(every)
     errors = residuals / math.sqrt(square)
     before = np.moveaxis(np.asarray(jax.vmap(_before)(jnp.asarray(errors, float))), 1, 2)
     regressors, targets = before.reshape(-1, _ORDER * channels), errors.reshape(-1, channels)
@@ -135,7 +146,9 @@ def fit_whitening(residuals: Float[np.ndarray, "B k o"]) -> Whitening:
     scale = np.linalg.inv(np.linalg.cholesky(covariance + floor))
     scale *= math.sqrt(channels / np.trace(scale @ covariance @ scale.T))
     lags = np.swapaxes(coefficients.reshape(_ORDER, channels, channels), 1, 2)
-    return Whitening(jnp.asarray(lags, float), jnp.asarray(scale, float))
+    whole = np.zeros((_ORDER + 1, every, every))
+    whole[:, kept[:, None], kept] = [*lags, scale]
+    return Whitening(jnp.asarray(whole[:_ORDER], float), jnp.asarray(whole[_ORDER], float))
 
 
 def _before(errors: Float[Array, "k o *P"]) -> Float[Array, "p k o *P"]:
