@@ -81,7 +81,13 @@ def stacked(parts: Sequence[Bumps], delay: float = 0.0) -> Rows:
 
 
 def bumps_of(
-    recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: float = 0.0, held: bool, most: int = MOST
+    recordings: Sequence[Trajectory],
+    is_angle: np.ndarray,
+    *,
+    first: float = 0.0,
+    last: float = 0.0,
+    held: bool,
+    most: int = MOST,
 ) -> list[Bumps]:
     """Lay bumps (1 − x²)² on recordings, so many that a regression of accelerations may be asked.
 
@@ -89,6 +95,7 @@ def bumps_of(
         recordings: Recordings of velocities with the same inputs.
         is_angle: Whether each coordinate is an angle.
         first: Where the first bump of each may begin [s].
+        last: How long before its end the last one has to end [s].
         held: Whether inputs are held until the next sample.
         most: How many to lay, if recordings are long.
 
@@ -96,12 +103,13 @@ def bumps_of(
         One for each recording that is long enough; none where all together are too few.
     """
     step = float(np.median(np.concatenate([np.diff(each.ts) for each in recordings])))
-    size, begin = max(_FEWEST_STEPS, round(_BUMP / step)), int(np.ceil(first / step))
-    long = [each for each in recordings if len(each) > begin + size + 1]
+    size = max(_FEWEST_STEPS, round(_BUMP / step))
+    begin, end = (int(np.ceil(margin / step)) for margin in (first, last))
+    long = [each for each in recordings if len(each) > begin + size + 1 + end]
     if not long:
         return []
     stride = max(size // 2, sum(map(len, long)) // most, 1)
-    starts = [np.arange(begin, len(each) - size, stride)[:, None] for each in long]
+    starts = [np.arange(begin, len(each) - end - size, stride)[:, None] for each in long]
     parts = [
         under_bumps(each, start + np.arange(size + 1), is_angle, held=held)
         for each, start in zip(long, starts, strict=True)

@@ -169,11 +169,13 @@ def _together(
     except DataError as error:
         return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.
     late = find_late_inputs(dataset, description.input_delay, is_angle)
-    inputs = *find_feedback(dataset, is_angle), *(late or find_other_hold(dataset, is_angle))
-    signs = *find_input_signs(dataset, description, is_angle), *find_contradictions(dataset, is_angle)
+    # By another delay inputs seem to be held otherwise or to push the other way round, and far off to be fed back.
+    feedback = [] if any(one.level == "warning" for one in late) else find_feedback(dataset, is_angle)
+    acting = [] if late else [*find_other_hold(dataset, is_angle), *find_input_signs(dataset, description, is_angle)]
     pace = *find_slow_sampling(dataset, is_angle), *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
-    return [*copies, *find_short(dataset, is_angle), *pace, *inputs, *signs]
+    contradictions = find_contradictions(dataset, is_angle)
+    return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *late, *acting, *contradictions]
 
 
 def _check(

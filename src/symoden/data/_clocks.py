@@ -13,7 +13,8 @@ from ._units import entry
 
 _OTHER: Final = 100  # times longer or shorter: no logger's rates differ so much
 _NEAR: Final = 3.0  # factor up to which a unit explains it, since rates differ too
-_SLOW: Final = 1.0  # Step [s] from which time stamps are rather in another unit: no mechanism is logged so slowly.
+SLOW: Final = 1.0
+"""Step [s] from which time stamps are rather in another unit: no mechanism is logged so slowly."""
 _FAST: Final = 1e-4  # Step [s] below which they are rather in seconds already, if those are a logger's.
 _ROUNDING: Final = 1e-6
 _UNITS: Final = ((1e3, "milliseconds", "ms"), (1e6, "microseconds", "us"), (1e9, "nanoseconds", "ns"))
@@ -42,7 +43,7 @@ def find_other_clocks(logs: Sequence[Log], description: Description) -> tuple[tu
     )
     if most < _FAST:
         return tuple(other or _fast(log, most, description) for other, log in zip(others, logs, strict=True))
-    if most < _SLOW or description.velocities is not None:  # These tell what is wrong.
+    if most < SLOW or description.velocities is not None:  # These tell what is wrong.
         return others
     return tuple(other or _slow(log, most, description) for other, log in zip(others, logs, strict=True))
 
@@ -60,7 +61,7 @@ def _slow(log: Log, step: float, description: Description) -> tuple[Finding, ...
     told = description.units.get(name, 1.0)
     if name in description.units and told >= 1:
         return ()  # In minutes: a slow machine.
-    smaller = [each for each in _UNITS if each[0] * told > 1 + _ROUNDING and step / told >= each[0] / 1e3 * _SLOW]
+    smaller = [each for each in _UNITS if each[0] * told > 1 + _ROUNDING and step / told >= each[0] / 1e3 * SLOW]
     if not smaller:
         return ()
     _, word, key = smaller[-1]
@@ -82,7 +83,7 @@ def _slow(log: Log, step: float, description: Description) -> tuple[Finding, ...
 
 def _slow_rows(step: float, description: Description) -> tuple[Finding, ...]:
     """Rows without time stamps are so far apart that the time between them is hardly in seconds."""
-    if step < _SLOW or description.velocities is not None:
+    if step < SLOW or description.velocities is not None:
         return ()
     factor, word, _ = next((each for each in reversed(_UNITS) if step >= each[0] / 1e3), _UNITS[0])
     return (
@@ -100,7 +101,7 @@ def _fast(log: Log, step: float, description: Description) -> tuple[Finding, ...
     """All time stamps are in seconds, and the description says otherwise."""
     (name,) = log.names["time"]
     factor = description.units.get(name, 1.0)
-    if not _FAST <= step / factor < _SLOW:
+    if not _FAST <= step / factor < SLOW:
         return ()
     return (
         Finding(

@@ -9,7 +9,6 @@ from ._bumps import bumps_of, stacked
 from ._dataset import Dataset
 from ._description import Description
 from ._findings import Finding
-from ._late_inputs import find_late_inputs
 from ._regression import RANK, halves, sizes
 from ._units import entry
 
@@ -22,7 +21,7 @@ def find_input_signs(dataset: Dataset, description: Description, is_angle: np.nd
     Whatever the inertia, gᵀ M⁻¹ g has a positive diagonal. The effects M⁻¹ g of the inputs are told by a regression of
     accelerations on functions of single positions, friction, products of velocities and inputs, as they are alike on
     the whole. A model would bend V and D around the wrong sign, and predict not much worse. What acts later than it was
-    logged may seem to act the other way round: then nothing is said.
+    logged may seem to act the other way round: look for delays first.
 
     Args:
         dataset: Recordings as training sees them.
@@ -44,7 +43,7 @@ def find_input_signs(dataset: Dataset, description: Description, is_angle: np.nd
         for half in halves(len(motion))
     ]
     wrong = np.flatnonzero(np.max(effects, axis=0) < -_CLEAR)
-    if not len(wrong) or find_late_inputs(dataset, description.input_delay, is_angle):
+    if not len(wrong):
         return []
     names = [dataset.input_names[j] for j in wrong]
     several = len(names) > 1

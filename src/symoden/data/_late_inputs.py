@@ -1,11 +1,13 @@
-"""Inputs that act later than they were logged."""
+"""Inputs that act later, or sooner, than the description says."""
 
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
 from ._bumps import bumps_of, unexplained
+from ._clocks import SLOW
 from ._dataset import Dataset
 from ._findings import Finding
 
@@ -15,12 +17,14 @@ _FINEST: Final = 0.005  # [s] between delays that are tried; half a step else.
 _LESS: Final = (
     0.5  # Share of what was left that is left with the delay: 0.3 on a measured aeropendulum, elsewhere 0.67.
 )
-_WORSE: Final = 1.5  # Times what is left without, that a shorter delay may leave.
+_FAR_LESS: Final = 0.2  # The same, and
+_MUCH: Final = 0.01  # what is left as it is, from which nothing else is as wrong.
+_WORSE: Final = 1.5  # Times what is left as it is, that a delay in between may leave.
 _EXPLAINED: Final = 0.3  # Share of the accelerations' variance that may be left then.
 
 
 def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.ndarray) -> list[Finding]:
-    """Say where accelerations follow the inputs far better some time later.
+    """Say where accelerations follow the inputs far better some time later or, of delayed inputs, sooner.
 
     Accelerations under short bumps are predicted by what a mechanism has: functions of single positions, friction,
     products of velocities, and inputs, which may turn with a joint. Every other stretch is predicted from the rest. In
@@ -33,34 +37,49 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
         is_angle: Whether each coordinate is an angle.
 
     Returns:
-        One finding, or none.
+        One finding, or none: a warning where much is left as it is and far less then, for whatever else looks wrong
+        may be so for the delay.
     """
     if not dataset.train or not dataset.inputs or dataset.momenta:
         return []
     step = float(np.median(np.concatenate([np.diff(each.ts) for each in dataset.train])))
-    longest = max(_LONGEST, _STEPS * step)
-    parts = bumps_of(dataset.train, is_angle, first=longest, held=dataset.hold == "zero")
+    if step >= SLOW:  # The clock is doubted rather.
+        return []
+    every = _changes(step, min(delays))
+    parts = bumps_of(dataset.train, is_angle, first=every[-1], last=-every[0], held=dataset.hold == "zero")
     if not parts:
         return []
-    every = np.arange(0.0, longest, max(step / 2, _FINEST))
-    left = [np.mean(unexplained(parts, delay), axis=0) for delay in every]
+    left = [np.mean(unexplained(parts, change), axis=0) for change in every]
     means = np.mean(left, axis=1)
-    now, best = left[0], int(np.argmin(means))
-    then, delay = left[best], float(every[best])
-    interior = delay > step / 2 and best < len(every) - 1
-    less = means[best] <= min(_EXPLAINED, _LESS * means[0])
-    if not (interior and less) or (then > 1.05 * now).any() or means[:best].max() > _WORSE * means[0]:
+    said, best = int(np.searchsorted(every, 0.0)), int(np.argmin(means))
+    between = means[min(said, best) : max(said, best)]
+    clear = abs(every[best]) > step / 2 and best < len(every) - 1
+    less = means[best] <= min(_EXPLAINED, _LESS * means[said])
+    if not (clear and less) or (left[best] > 1.05 * left[said]).any() or between.max() > _WORSE * means[said]:
         return []
-    total = [float(f"{each + delay:.4g}") for each in delays]
-    said = f"{total[0]:g}" if len(total) == 1 else f"[{', '.join(f'{each:g}' for each in total)}]"
-    return [
-        Finding(
-            kind="delay",
-            level="note",
-            channel=dataset.input_names[0] if dataset.inputs == 1 else "",
-            text=f"in [train] accelerations follow the inputs best {delay:.4g} s late: {100 * np.mean(now):.2g}% of "
-            f"their variance is unexplained without, {100 * np.mean(then):.2g}% with such a delay",
-            advice=f"Try `input_delay = {said}`: by drives, networks or slow actuators. Errors of recordings held "
-            "out of training tell whether it is better.",
-        )
-    ]
+    return [_finding(dataset, delays, float(every[best]), now=float(means[said]), then=float(means[best]))]
+
+
+def _changes(step: float, told: float) -> Float[np.ndarray, " d"]:
+    """What to add to delays [s], in order: from none at all to the longest that is looked for."""
+    spacing = max(step / 2, _FINEST)
+    longer = np.arange(0.0, max(_LONGEST, _STEPS * step), spacing)
+    return np.concatenate([[-told], -np.arange(spacing, told, spacing)[::-1], longer])[0 if told > 0 else 1 :]
+
+
+def _finding(dataset: Dataset, delays: Sequence[float], change: float, *, now: float, then: float) -> Finding:
+    """What to say of another delay, and of the shares of the accelerations that are left now and then."""
+    total = [float(f"{each + change:.4g}") for each in delays]
+    told = f"{total[0]:g}" if len(total) == 1 else f"[{', '.join(f'{each:g}' for each in total)}]"
+    wrong = now > _MUCH and then <= _FAR_LESS * now
+    when = f"{abs(change):.4g} s {'late' if change > 0 else 'sooner than `input_delay` says'}"
+    return Finding(
+        kind="delay",
+        level="warning" if wrong else "note",
+        channel=dataset.input_names[0] if dataset.inputs == 1 else "",
+        text=f"in [train] accelerations follow the inputs best {when}: {100 * now:.2g}% of their variance is "
+        f"unexplained {'without' if change > 0 else 'as it is'}, {100 * then:.2g}% with such a delay",
+        advice=(f"Try `input_delay = {told}`" if any(total) else "Try without `input_delay`")
+        + (": by drives, networks or slow actuators. " if change > 0 else ". ")
+        + "Errors of recordings held out of training tell whether it is better.",
+    )

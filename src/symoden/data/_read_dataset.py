@@ -17,6 +17,7 @@ from ._errors import DataError, DataWarning, listing
 from ._examine import Examination
 from ._findings import Finding
 from ._input_signs import find_input_signs
+from ._late_inputs import find_late_inputs
 from ._left_out import find_merged
 from ._logs import Log, angles
 from ._masking import Mask
@@ -49,8 +50,8 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
         DataError: If the description or a file is not what it must be, or one part has rows of another one.
 
     Warns:
-        DataWarning: If something was left out, or looks wrong: a stuck sensor, a wrong unit or sign, a part that has
-            rows of another one in a file of its own; if velocities come late and are estimated from the positions
+        DataWarning: If something was left out, or looks wrong: a stuck sensor, a wrong unit, sign or delay, a part that
+            has rows of another one in a file of its own; if velocities come late and are estimated from the positions
             instead.
 
     Example:
@@ -72,9 +73,11 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
-    contradictions = find_contradictions(dataset, is_angle)
-    for finding in (*find_copies(logs), *find_input_signs(dataset, description, is_angle), *contradictions):
-        warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
+    late = find_late_inputs(dataset, description.input_delay, is_angle)
+    inputs = late or find_input_signs(dataset, description, is_angle)
+    for finding in (*find_copies(logs), *inputs, *find_contradictions(dataset, is_angle)):
+        if finding.level == "warning":
+            warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
 
 
