@@ -95,6 +95,41 @@ def test_what_is_wrong_with_a_file_is_said(change, kind, words, k):
     assert words in finding.text
 
 
+@pytest.mark.parametrize("k", range(1, 4))
+@pytest.mark.parametrize(("rows", "when"), [(10, "sooner"), (-10, "later")])
+def test_inputs_that_are_late_in_one_file_are_named_with_the_delay(k, rows, when):
+    files = [
+        dataclasses.replace(each, us=np.roll(each.us, rows, axis=0)) if i == k else each for i, each in enumerate(FILES)
+    ]
+    (finding,) = found(*files)
+    assert (finding.kind, finding.level) == ("delay", "warning")
+    assert f"`{'abcd'[k]}` (train) moves as the other recordings do only if inputs act 0.1 s {when}" in finding.text
+    assert finding.text.count("inputs act") == 1
+
+
+def drive(name, seed, frequency, *, samples=800):
+    """A slow drive with a dead zone under one sine, whose phase is another at another frequency."""
+    rng = np.random.default_rng(seed)
+    us = 3 * np.sin(2 * np.pi * frequency * STEP * np.arange(samples) + rng.uniform(0, 6))
+    states = np.zeros((samples, 2))
+    q = v = push = 0.0
+    for k in range(samples):
+        states[k] = q, v
+        for _ in range(10):
+            push += STEP / 10 * (us[k] - push) / 0.03
+            v += STEP / 10 * (60 * np.sign(push) * max(abs(push) - 0.5, 0.0) - 10 * v)
+            q += STEP / 10 * v
+    states += rng.normal(0, 1e-3, states.shape) * [1, 3]
+    return Trajectory(name=name, ts=STEP * np.arange(samples), q=states[:, :1], rates=states[:, 1:], us=us[:, None])
+
+
+@pytest.mark.parametrize(("seed", "first", "then"), [(0, 1, 5), (3, 2, 7)])
+def test_the_phase_of_another_sine_by_a_slow_drive_is_no_delay(seed, first, then):
+    files = tuple(drive(f"{frequency} Hz", 9 * seed + frequency, frequency) for frequency in (first, then))
+    dataset = Dataset(name="d", space="R1", train=files)
+    assert find_contradictions(dataset, IS_ANGLE[:1]) == []
+
+
 def test_coordinates_of_a_kind_that_are_exchanged_are_named():
     def swapped(each):
         return dataclasses.replace(each, q=each.q[:, ::-1], rates=each.rates[:, ::-1])

@@ -1,4 +1,4 @@
-"""Files that agree with the others only once a sign, a unit or the order of columns is changed."""
+"""Files that agree with the others only once a sign, a unit, the order of columns or a delay is changed."""
 
 import dataclasses
 import functools
@@ -16,6 +16,7 @@ from ._trajectory import Trajectory
 
 _WELL: Final = 0.1  # Share of the accelerations' mean square that is left: the others tell the file well as it is.
 _MOST: Final = 0.5  # The same: they tell most of it.
+_LATE: Final = 0.2  # The same, of other delays: of inputs that are fed back one in ten tells most of it by chance.
 _NOTHING: Final = 1.0  # The same: they tell nothing.
 _LESS: Final = 0.33  # Of what is left as it is, and without some input: or it is this that the others misjudge.
 _ALIKE: Final = 1.5  # Times the least that is left; a change that leaves no more may be what is wrong as well.
@@ -28,6 +29,7 @@ _TRIED: Final = 12  # Files that may be the one without which the others agree.
 _NAMED: Final = 3  # Changes.
 _LENGTHS: Final = (1e3, 1e-3, 1e2, 1e-2)  # Millimetres, centimetres.
 _DEGREES: Final = 180 / np.pi
+_FINEST, _LONGEST = 0.01, 0.1  # [s] between delays that are tried, if not a step; the longest one.
 
 
 class _Change(NamedTuple):
@@ -38,12 +40,14 @@ class _Change(NamedTuple):
         column: Column that it is about, the first of several.
         words: What has to be done with the file's columns.
         mend: A recording from what was recorded.
+        delay: How late its inputs act then [s].
     """
 
     kind: Kind
     column: str
     words: str
     mend: Callable[[Trajectory], Trajectory]
+    delay: float = 0.0
 
 
 class _Columns(NamedTuple):
@@ -167,7 +171,7 @@ class _File:
             under_bumps(change.mend(each.recording), each.samples[::stride], self._is_angle, held=self._held)
             for each in self._recordings
         ]
-        rows = stacked(parts)
+        rows = stacked(parts, change.delay)
         return _Told(rows, len(rows.motion))
 
 
@@ -189,12 +193,13 @@ _Files = Mapping[str, _File]
 
 
 def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
-    """Say which files agree with the others only after a change of sign, unit or columns.
+    """Say which files agree with the others only after a change of sign, unit, columns or delay.
 
-    A column is turned, written in another unit, or exchanged with another one from one day to the next. A model learns
-    the mean of both, and no single file looks wrong. Accelerations under bumps are explained by functions of single
-    positions, friction, products of velocities and the inputs, which may turn with angles. A file is named if what the
-    others tell explains most of its accelerations with one such change, and leaves three times as much without.
+    A column is turned, written in another unit, exchanged with another one, or late from one day to the next. A model
+    learns the mean of both, and no single file looks wrong. Accelerations under bumps are explained by functions of
+    single positions, friction, products of velocities and the inputs, which may turn with angles. A file is named if
+    what the others tell explains most of its accelerations with one such change, and leaves three times as much
+    without; of a delay it must tell as much by itself.
 
     Args:
         dataset: Recordings as training sees them.
@@ -213,7 +218,7 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]
     for bumps in bumps_of(dataset.recordings, is_angle, held=held, most=most):
         files.setdefault(names[id(bumps.recording)], []).append(bumps)
     every = {name: _File(recordings, is_angle, held=held) for name, recordings in files.items()}
-    changes = [*_factors(dataset, is_angle), *_orders(dataset, is_angle)]
+    changes = [*_factors(dataset, is_angle), *_orders(dataset, is_angle), *_delays(dataset)]
     odd, pair = _odd_ones({name: each for name, each in every.items() if each.told.bumps >= _FEWEST}, changes)
     return [_finding(name, odd[name], pair) for name in every if name in odd]
 
@@ -255,6 +260,15 @@ def _orders(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Cha
                 order[[i, j]] = j, i
                 words = f"`{columns.names[i]}` and `{columns.names[j]}` are exchanged"
                 yield columns.changed("order", i, words, lambda signal, order=order: signal[:, order])
+
+
+def _delays(dataset: Dataset) -> Iterator[_Change]:
+    """Inputs that act later or sooner than they were logged."""
+    step = float(np.median(np.concatenate([np.diff(each.ts) for each in dataset.recordings])))
+    for delay in np.arange(max(step, _FINEST), _LONGEST * (1 + _WEAK), max(step, _FINEST)).tolist():
+        for late, when in ((delay, "later"), (-delay, "sooner")):
+            words = f"inputs act {delay:.3g} s {when} than they were logged"
+            yield _Change("delay", dataset.input_names[0], words, lambda each: each, late)
 
 
 def _odd_ones(files: _Files, changes: Sequence[_Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
@@ -310,13 +324,23 @@ def _mended(others: _Told, file: _File, changes: Sequence[_Change]) -> _Answer |
     as_it_is = law.left(file.told)
     if as_it_is <= _WELL:
         return None
-    left = [law.left(file.mended(change)) for change in changes]
-    least = min(left)
+    left = np.array([law.left(file.mended(change)) for change in changes])
+    for i, change in enumerate(changes):
+        if change.delay and not (left[i] <= _LATE and _tells(file, change)):
+            left[i] = np.inf
+    least = float(left.min())
     most = min(_MOST, _LESS * min(as_it_is, law.least_without(file.told, file.inputs)))
     if least > most:
         return None
-    alike = sorted((share, i) for i, share in enumerate(left) if share <= min(_ALIKE * least, most))
-    return _Answer(tuple(changes[i] for _, i in alike), least, as_it_is)
+    alike = [changes[i] for i in np.argsort(left) if left[i] <= min(_ALIKE * least, most)]
+    delay = next((change for change in alike if change.delay), None)  # Those beside it are much alike.
+    return _Answer(tuple(change for change in alike if not change.delay or change is delay), least, as_it_is)
+
+
+def _tells(file: _File, change: _Change) -> bool:
+    """Whether a file tells a delay by itself: the phase of another sine, by a slow drive, is none."""
+    now, then = (_Law.of(told).left(told) for told in map(file.mended, (change._replace(delay=0.0), change)))
+    return now > _WELL and then <= _LESS * now
 
 
 def _all_but_one(every: Sequence[_Told]) -> list[_Told]:
