@@ -208,6 +208,28 @@ def test_a_name_that_says_an_angle_on_a_space_of_lengths_is_asked_for(tmp_path):
     assert "says deg, and it is read as rad" in found.text
 
 
+@pytest.mark.parametrize(
+    ("units", "said"),
+    [
+        ('{"x [mm]" = "cm", "turn (°)" = "deg"}', 'mm, and `units` cm: Write `"x [mm]" = "mm"` into `units` instead'),
+        ('{"x [mm]" = 1, "turn (°)" = "deg"}', 'mm, and `units` m: Write `"x [mm]" = "mm"` into `units` instead'),
+        ('{"x [mm]" = -0.01, "turn (°)" = "deg"}', 'mm, and `units` cm: Write `"x [mm]" = -0.001` into `units`'),
+        ('{"x [mm]" = "mm", "turn (°)" = "rev"}', 'deg, and `units` rev: Write `"turn (°)" = "deg"` into `units`'),
+        ('{"x [mm]" = -0.001, "turn (°)" = 0.01746}', ""),
+        ('{"x [mm]" = 0.0005, "turn (°)" = 0.03}', ""),  # Gears.
+    ],
+)
+def test_names_and_units_that_differ_are_named(tmp_path, units, said):
+    t = np.linspace(0.0, 4.0, 401)
+    rows = np.stack([t, 100 * np.sin(2 * t), 30 * np.cos(3 * t), np.sin(t)], axis=1)
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,x [mm],turn (°),u [N]", comments="", encoding="utf-8")
+    path = tmp_path / "arm.toml"
+    path.write_text(NAMED.format(units=f"units = {units}"), encoding="utf-8")
+    found = [each for each in check_dataset(path).recordings[0].findings if "says" in each.text]
+    assert len(found) == bool(said)
+    assert all(said in f"{each.text}: {each.advice}" and each.level == "warning" for each in found)
+
+
 def test_units_are_a_table(tmp_path):
     path = described(tmp_path, "q = 1")
     path.write_text(path.read_text().replace("units = {q = 1}", 'units = "deg"'))

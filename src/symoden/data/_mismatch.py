@@ -12,8 +12,9 @@ from ._facts import Facts
 from ._findings import Finding
 from ._jumps import find_jumps
 from ._kinematics import AGREES, UNRELATED, Ratio, velocity_ratio
-from ._units import entry, of_column, si_of, split_unit, unit_of
+from ._units import entry, factor_of, key, number_of, of_column, si_of, split_unit, unit_of, units_of
 
+_ROUNDED: Final = 1e-3  # As far a factor may be rounded that is a unit's: 0.01745 for a degree.
 _SAME = 0.06  # relative deviation up to which a factor is a known one
 _ELSEWHERE = 0.2  # misfit of another coordinate's velocity that is taken for this one's
 _TURNS = 5  # in both directions without a wrap, beyond which an angle is perhaps in degrees
@@ -90,8 +91,8 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
     """
     if clock := _clock(facts):
         return [clock]
-    said = _units_in_names(facts)
-    found, named = _by_name(said, facts), set(said)
+    said, others = _units_in_names(facts), _other_units(facts)
+    found, named = [*_by_name(said, facts), *others], {*said, *(each.channel for each in others)}
     joints, agree = range(facts.q.shape[1]), []
     for i in joints:
         ratio = facts.ratios[i] if facts.ratios else None
@@ -106,27 +107,58 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
     return found
 
 
-def _units_in_names(facts: Facts) -> dict[str, tuple[str, str]]:
-    """Positions and velocities of which names, or a line under these, say another unit than the one that is read."""
+def _named_units(facts: Facts) -> dict[str, tuple[str, str]]:
+    """Unit that the name of a position or velocity, or a line under it, says, if it can be one; and its SI unit."""
     per_second = [tuple(f"{unit}/s" for unit in kinds) for kinds in facts.kinds]
     every = zip(facts.positions + facts.rates, [*facts.kinds, *per_second], strict=False)
     units = {
         channel.name: (split_unit(channel.name)[1] or unit_of(facts.below.get(channel.name, "")), kinds)
         for channel, kinds in every
     }
+    return {name: (unit, si) for name, (unit, kinds) in units.items() if unit and (si := si_of(unit)) in kinds}
+
+
+def _units_in_names(facts: Facts) -> dict[str, tuple[str, str]]:
+    """Those that are read in SI, for nobody said otherwise."""
     return {
         name: (unit, si)
-        for name, (unit, kinds) in units.items()
-        if unit and (si := si_of(unit)) in kinds and si != unit and of_column(name, facts.units) is None
+        for name, (unit, si) in _named_units(facts).items()
+        if si != unit and of_column(name, facts.units) is None
     }
+
+
+def _other_units(facts: Facts) -> list[Finding]:
+    """Columns whose names say one unit, and `units` another one; other factors may be gears."""
+    found = []
+    for name, (unit, si) in _named_units(facts).items():
+        factor = number_of(name, facts.units, math.nan)
+        told = [each for each in units_of([si]) if math.isclose(abs(factor), factor_of(each), rel_tol=_ROUNDED)]
+        if not told or unit in told:
+            continue
+        value = f"{-factor_of(unit):.6g}" if factor < 0 else f'"{unit}"'
+        found.append(
+            Finding(
+                kind="unit",
+                level="warning",
+                channel=name,
+                text=f"the {_where(name)} of `{name}` says {unit}, and `units` {told[0]}",
+                advice=f"Write `{key(name)} = {value}` into `units` instead, unless it is the {_where(name)} that is "
+                "wrong.",
+            )
+        )
+    return found
+
+
+def _where(name: str) -> str:
+    """Where a column's unit stands."""
+    return "name" if split_unit(name)[1] else "line under the name"
 
 
 def _by_name(said: Mapping[str, tuple[str, str]], facts: Facts) -> list[Finding]:
     """One finding of all such columns, so that one line of the description mends them."""
     if not said:
         return []
-    where = {name: "name" if split_unit(name)[1] else "line under the name" for name in said}
-    texts = [f"the {where[name]} of `{name}` says {unit}, and it is read as {si}" for name, (unit, si) in said.items()]
+    texts = [f"the {_where(name)} of `{name}` says {unit}, and it is read as {si}" for name, (unit, si) in said.items()]
     return [
         Finding(
             kind="unit",
