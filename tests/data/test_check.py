@@ -111,7 +111,7 @@ def test_the_advised_unit_joins_those_that_are_given(tmp_path):
     path = written(tmp_path, log, more="units = {v2 = -1.0}")
     first, second = (one.advice for one in check_dataset(path).recordings[0].findings if one.level == "warning")
     assert first == 'Write `q1 = "deg"` into `units`.'
-    assert re.match(r"If `q2` is right, write `v2 = (0\.5|0\.50\d*|0\.49\d*)` into `units`; otherwise", second)
+    assert re.match(r"If `q2` is right, write `v2 = (0\.5|0\.50\d*|0\.49\d*)` into .*of `v2` now\); otherwise", second)
 
 
 @pytest.mark.parametrize(
@@ -119,11 +119,12 @@ def test_the_advised_unit_joins_those_that_are_given(tmp_path):
     [
         (
             'units = {q1 = "deg"}',
-            r'If `v1` is right, write `q1 = 1` into `units`; otherwise write `v1 = "deg/s"` into `units`\.$',
+            r"If `v1` is right, write `q1 = 1` into `units` \(for what it says of `q1` now\); "
+            r'otherwise write `v1 = "deg/s"` into `units`\.$',
         ),
         (
             "units = {q1 = 3.0}",
-            r"If `v1` is right, write `q1 = (1|1\.0\d*|0\.99\d*)` into `units`; otherwise, if `q1` is, "
+            r"If `v1` is right, write `q1 = (1|1\.0\d*|0\.99\d*)` into `units` \(.*`q1` now\); otherwise, if `q1` is, "
             r"write `v1 = (3|2\.9|3\.0)",
         ),
     ],

@@ -164,13 +164,18 @@ def entry(columns: Mapping[str, str | float], given: Mapping[str, float]) -> str
         What to write, and where.
 
     Example:
-        >>> entry({"q": "deg"}, {}), entry({"q": "deg"}, {"v": 2.0}), entry({"v": -1.0}, {"v": 2.0})
-        ('`units = {q = "deg"}` into the description', '`q = "deg"` into `units`', '`v = -2` into `units`')
+        >>> entry({"q": "deg"}, {}), entry({"q": "deg"}, {"v": 2.0})
+        ('`units = {q = "deg"}` into the description', '`q = "deg"` into `units`')
+        >>> entry({"v": -1.0}, {"v": 2.0})
+        '`v = -2` into `units` (for what it says of `v` now)'
     """
     units = {name: unit if name not in given else given[name] * factor_of(unit) for name, unit in columns.items()}
     values = {name: f'"{unit}"' if isinstance(unit, str) else f"{unit:.6g}" for name, unit in units.items()}
     keys = ", ".join(f"{key(name)} = {value}" for name, value in values.items())
-    return f"`{keys}` into `units`" if given else f"`units = {{{keys}}}` into the description"
+    if not given:
+        return f"`units = {{{keys}}}` into the description"
+    changed = [name for name in columns if name in given]  # A key of TOML stands once.
+    return f"`{keys}` into `units`" + (f" (for what it says of {listing(changed)} now)" if changed else "")
 
 
 def key(name: str) -> str:
