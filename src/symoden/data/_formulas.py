@@ -10,7 +10,8 @@ import numpy as np
 from symoden.known import Expression, Grammar
 
 from ._errors import AbsentError, DataError, cut
-from ._readers import Rows, Selector, read_rows, variable_of
+from ._impossible import odd_numbers
+from ._readers import OddNumbers, Rows, Selector, read_rows, variable_of
 
 COLUMNS: Final = Grammar(more=("sign(x)", "min(a, b)", "max(a, b)", "clip(x, low, high)"), quotes=True)
 """What formulas of columns may contain: nobody differentiates them, and a file may name its columns as it likes."""
@@ -34,7 +35,8 @@ def read_columns(
 ) -> Rows:
     """Read columns of a file, and make those that are formulas of others.
 
-    A formula takes the numbers as the file has them; where it has no finite value, a number is missing.
+    A formula takes the numbers as the file has them; where it has no finite value, a number is missing, and likewise
+    where one of those is what no machine has, or a logger writes for a missing one.
 
     Args:
         path: File of a known format.
@@ -57,16 +59,21 @@ def read_columns(
         found = read_rows(path, {**selectors, **plain, **parts}, rows, recording)
     except AbsentError as error:
         raise DataError(f"{error}{_of_formulas(error, used)}") from error
-    made = {
-        name: _value(formula, dict(zip(parts[_parts(name)], found.signals[_parts(name)].T, strict=True)))
-        for name, formula in used.items()
+    raw = {
+        part: column
+        for role, chosen in parts.items()
+        for part, column in zip(chosen, found.signals[role].T, strict=True)
     }
+    timed = _names(selectors.get("time", ()))
+    odd = _odd_parts(raw, {name: formula for name, formula in used.items() if name not in timed})
+    possible = raw | {each.name: np.where(np.isfinite(each.values), np.nan, raw[each.name]) for each in odd}
+    made = {name: _value(formula, possible) for name, formula in used.items()}
     signals = {role: found.signals[role] for role in selectors}
     for role, chosen in listed.items():
         columns = dict(zip(plain[role], found.signals[role].T, strict=True)) | made
         signals[role] = np.stack([columns[name] for name in chosen], axis=1)
     names = {role: listed.get(role, found.names[role]) for role in selectors}
-    return dataclasses.replace(found, signals=signals, names=names)
+    return dataclasses.replace(found, signals=signals, names=names, odd=odd)
 
 
 def crosses_limits(formula: Expression) -> bool:
@@ -105,6 +112,13 @@ def _number(tree: tuple[Any, ...]) -> float | None:
         case ("-", ("number", 0.0), ("number", value)):
             return -value
     return None
+
+
+def _odd_parts(raw: Mapping[str, np.ndarray], formulas: Mapping[str, Expression]) -> tuple[OddNumbers, ...]:
+    """Numbers that no machine has in columns that formulas are made of, whatever these make of them."""
+    made = {part: tuple(name for name, formula in formulas.items() if part in formula.names) for part in raw}
+    odd = (OddNumbers(part, made[part], odd_numbers(column, column)) for part, column in raw.items() if made[part])
+    return tuple(each for each in odd if np.isfinite(each.values).any())
 
 
 def _names(chosen: Selector) -> tuple[str, ...]:

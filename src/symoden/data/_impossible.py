@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
 from ._limits import LARGEST_NUMBER
-from ._readers import Rows
+from ._readers import OddNumbers, Rows
 from ._tables import place
 from ._units import number_of
 
@@ -30,6 +31,7 @@ class Impossible:
         rows: Their rows of the log.
         first: The first of them, in SI or rad; a placeholder as the file has it.
         place: Where that one is in the file.
+        columns: Columns of the log that lack them: itself, or those that formulas make of it.
         placeholder: Whether they stand for missing numbers, rather than being too large for any machine.
     """
 
@@ -37,6 +39,7 @@ class Impossible:
     rows: np.ndarray
     first: float
     place: str
+    columns: tuple[str, ...]
     placeholder: bool = False
 
     @property
@@ -67,26 +70,51 @@ def without_impossible(
         zeros: What was subtracted from them before, where it is not 0.
 
     Returns:
-        The rows, and these numbers.
+        The rows, and these numbers, with those of columns that formulas are made of.
     """
     kept = {role: signal.copy() for role, signal in rows.signals.items()}
     found = []
     for role, signal in kept.items():
         for name, column in zip(rows.names[role], signal.T, strict=True):
-            huge = np.flatnonzero(np.abs(column) > LARGEST_NUMBER)
-            for at, value in (
-                *([(huge, column[huge[0]])] if len(huge) else []),
-                *(
-                    ()
-                    if role == "time"
-                    else _placeholders(column / number_of(name, units, 1.0) + number_of(name, zeros, 0.0))
-                ),
-            ):
-                where = place(rows.path, int(rows.index[at[0]]))
-                of = Impossible(channel=name, rows=at, first=float(value), place=where, placeholder=at is not huge)
-                found.append(of)
-                column[at] = np.nan
-    return dataclasses.replace(rows, signals=kept), tuple(found)
+            raw = column / number_of(name, units, 1.0) + number_of(name, zeros, 0.0)
+            odd = odd_numbers(column, None if role == "time" else raw)
+            found.extend(_named(rows, OddNumbers(name, (name,), odd)))
+            column[np.isfinite(odd)] = np.nan
+    of_parts = (each for odd in rows.odd for each in _named(rows, odd))
+    return dataclasses.replace(rows, signals=kept, odd=()), (*of_parts, *found)
+
+
+def odd_numbers(column: Float[np.ndarray, " T"], raw: Float[np.ndarray, " T"] | None) -> Float[np.ndarray, " T"]:
+    """Pick the numbers of a column that no machine has.
+
+    Args:
+        column: The column, in SI and rad if its unit is known.
+        raw: The same as the file has it, where loggers may write something for missing numbers.
+
+    Returns:
+        These numbers, placeholders as the file has them; NaN for all others.
+    """
+    odd = np.where(np.abs(column) > LARGEST_NUMBER, column, np.nan)
+    for at, value in () if raw is None else _placeholders(raw):
+        odd[at] = value
+    return odd
+
+
+def _named(rows: Rows, odd: OddNumbers) -> Iterator[Impossible]:
+    """Those that are too large for any machine, and those that are each placeholder."""
+    huge = np.abs(odd.values) > LARGEST_NUMBER
+    placeholders = np.unique(odd.values[np.isfinite(odd.values) & ~huge])
+    for at in (huge, *(odd.values == value for value in placeholders)):
+        if at.any():
+            first = np.flatnonzero(at)[0]
+            yield Impossible(
+                channel=odd.name,
+                rows=np.flatnonzero(at),
+                first=float(odd.values[first]),
+                place=place(rows.path, int(rows.index[first])),
+                columns=odd.columns,
+                placeholder=at is not huge,
+            )
 
 
 def _placeholders(column: np.ndarray) -> Iterator[tuple[np.ndarray, float]]:

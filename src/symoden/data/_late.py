@@ -52,7 +52,7 @@ def replace_late(
 
 def _without_rates(log: Log) -> Log:
     """The same log without velocities, and without what was wrong with them."""
-    told = tuple(one for one in log.impossible if one.channel not in log.names["rates"])
+    told = tuple(one for one in log.impossible if not set(one.columns) <= set(log.names["rates"]))
     return dataclasses.replace(log, rates=None, impossible=told)
 
 

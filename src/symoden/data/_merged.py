@@ -160,7 +160,7 @@ def _rows_of_positions(log: Log) -> np.ndarray:
     """Rows that have all positions; or the position with fewest numbers, where few have all."""
     there = np.isfinite(log.q)
     for each in log.impossible:  # Something was there.
-        there[each.rows] |= np.array(log.names["positions"]) == each.channel
+        there[each.rows] |= np.isin(log.names["positions"], each.columns)
     there &= np.isfinite(log.ts)[:, None]
     together = np.flatnonzero(there.all(axis=1))
     fewest = np.flatnonzero(there[:, np.argmin(there.sum(axis=0))])

@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -32,6 +32,20 @@ _ARRAYS: Final[dict[str, Callable[[Path, Collection[str]], Mapping[str, np.ndarr
 _ITEM = re.compile(r"(?P<variable>.+)\[(?P<column>\d+)\]")
 
 
+class OddNumbers(NamedTuple):
+    """Numbers of a column that no machine has.
+
+    Attributes:
+        name: Name of the column.
+        columns: Columns of the rows that lack them: itself, or those that formulas make of it.
+        values: These numbers; NaN for all others (T,).
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    values: np.ndarray
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
     """Rows that were read from a file.
@@ -44,6 +58,7 @@ class Rows:
         labels: Which recording each row belongs to, where a column or an axis tells.
         label: The one that they all belong to, where they were taken apart by these.
         interval: Number of the interval of rows that they are, from 1 on, where the description names several.
+        odd: Numbers that no machine has, of columns that formulas are made of.
     """
 
     path: Path
@@ -53,6 +68,7 @@ class Rows:
     labels: np.ndarray | None = None
     label: str | None = None
     interval: int | None = None
+    odd: tuple[OddNumbers, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -69,7 +85,8 @@ class Rows:
             The rows.
         """
         signals = {role: signal[rows] for role, signal in self.signals.items()}
-        return dataclasses.replace(self, index=self.index[rows], signals=signals, labels=None, label=label)
+        odd = tuple(each._replace(values=each.values[rows]) for each in self.odd)
+        return dataclasses.replace(self, index=self.index[rows], signals=signals, labels=None, label=label, odd=odd)
 
 
 def suffix_of(path: Path) -> str:
