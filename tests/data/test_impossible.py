@@ -7,6 +7,9 @@ from symoden.data import DataWarning, check_dataset, read_dataset
 
 from .conftest import NAMES, arm, found, written
 
+BEYOND = r"1 row with a number beyond 1e\+20 in `{}` .first at line 302"
+BRIDGED = r"1 missing number of `{}` .interpolated"
+
 
 @pytest.mark.parametrize("column", NAMES)
 @pytest.mark.parametrize("number", [1e300, -2e20])
@@ -18,11 +21,10 @@ def test_a_number_that_no_machine_has_is_named_and_left_out(tmp_path, column, nu
     (check,) = check_dataset(path).recordings
     assert f"`{column}` has 1 number beyond 1e+20, first at line 302 (row 300): {number:g}" in check.findings[0].text
     assert check.duration == pytest.approx(np.ptp(np.delete(log[:, 0], 300)))
-    with pytest.warns(
-        DataWarning, match=f"left out in `run0`: 1 row with a number beyond 1e\\+20 in `{column}` .first at line 302"
-    ):
+    is_input = column in NAMES[5:]
+    with pytest.warns(DataWarning, match=f"left out in `run0`: {(BRIDGED if is_input else BEYOND).format(column)}"):
         (recording,) = read_dataset(path).train
-    assert len(recording) == 499
+    assert len(recording) == (500 if is_input else 499)
 
 
 @pytest.mark.parametrize("column", NAMES[1:])
@@ -37,8 +39,9 @@ def test_a_placeholder_is_named_and_left_out(tmp_path, column, number, rows):
     (check,) = check_dataset(path).recordings
     said = f"`{column}` has {len(rows)} placeholder{'s' if len(rows) > 1 else ''} for missing numbers, first at line"
     assert f"{said} {rows[0] + 2} (row {rows[0]}): {number}" in check.findings[0].text
-    with pytest.warns(DataWarning, match=r"with a placeholder for a missing number in"):
-        assert sum(map(len, read_dataset(path).train)) == 500 - len(rows)
+    used = column in NAMES[5:]  # All but the long run of them is bridged.
+    with pytest.warns(DataWarning, match=r"a placeholder for a missing number in" if not used else "missing number"):
+        assert sum(map(len, read_dataset(path).train)) == 500 - len(rows) + used
 
 
 def test_a_placeholder_is_known_whatever_its_unit(tmp_path):
@@ -83,3 +86,32 @@ def test_a_number_that_its_unit_makes_infinite_is_impossible(tmp_path):
     assert "`u1` has 1 number beyond 1e+20, first at line 302 (row 300): inf" in (
         check_dataset(path).recordings[0].findings[0].text
     )
+
+
+def described(folder, log, formulas):
+    """A description whose first input, and position where they say so, are made by formulas."""
+    path = written(folder, log, more=f"formulas = {{ {formulas} }}")
+    text = path.read_text().replace('inputs = ["u1"', 'inputs = ["u"')
+    path.write_text(text.replace('positions = ["q1"', 'positions = ["q"') if "q =" in formulas else text)
+    return path
+
+
+@pytest.mark.parametrize("formula", ["u = '0.001 * u1'", "u = 'u1 - u2'", "u = 'clip(u1, -1, 1)', q = 'q1 - 0*u1'"])
+@pytest.mark.parametrize("number", [999, -32768, 1e30])
+def test_a_placeholder_is_known_whatever_formulas_make_of_it(tmp_path, formula, number):
+    log = arm(samples=500)
+    log[[300, 400], 5] = number
+    path = described(tmp_path, log, formula)
+    what = "numbers beyond 1e+20" if number == 1e30 else "placeholders for missing numbers"
+    (check,) = check_dataset(path).recordings
+    (one,) = (each for each in check.findings if each.kind in ("impossible", "missing"))
+    assert (one.channel, one.level) == ("u1", "masked")
+    assert f"`u1` has 2 {what}, first at line 302 (row 300): {number:.10g}" in one.text
+    with pytest.warns(DataWarning, match="left out in `run0`"):
+        (recording,) = read_dataset(path).train
+    assert len(recording) == (498 if "q =" in formula else 500)
+    assert np.ptp(recording.us[:, 0]) < 5
+
+
+def test_what_formulas_make_of_ordinary_numbers_is_ordinary(tmp_path):
+    assert found(described(tmp_path, arm(samples=500), "u = '999 + u1'")) == []

@@ -1,12 +1,13 @@
 """What training leaves out of a log, in words: rows that lack numbers, samples that stand out alone, gaps."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from symoden.wording import stamp
 
+from ._bridges import bridged_rows
 from ._findings import SHOWN_SPANS, Finding
 from ._logs import Log
 from ._masking import Mask
@@ -92,8 +93,9 @@ def find_absent(log: Log) -> list[Finding]:
     found = [*_repeats(log), *_unfinished(log, short), *_impossible(log)]
     for role, signal in ({"time": log.ts[:, None]} | log.signals).items():
         for i, name in enumerate(log.names.get(role, ())):
-            told = [each.rows for each in log.impossible if each.channel == name]
-            rows = np.setdiff1d(np.flatnonzero(np.isnan(signal[:, i])), np.concatenate([short.rows, *told]))
+            told = [each.rows for each in log.impossible if name in each.columns]
+            lacking = np.union1d(np.flatnonzero(np.isnan(signal[:, i])), bridged_rows(log, (name,)))
+            rows = np.setdiff1d(lacking, np.concatenate([short.rows, *told]))
             if not len(rows):
                 continue
             edges = np.flatnonzero(np.diff(rows) > 1)
@@ -105,8 +107,7 @@ def find_absent(log: Log) -> list[Finding]:
                     channel=name,
                     text=f"`{name}` lacks {len(rows)} of {len(log)} numbers, in {len(runs)} stretch"
                     f"{'es' if len(runs) > 1 else ''}, first at {log.place(int(rows[0]))}",
-                    advice="These rows are left out; where that leaves a gap, the recording is split."
-                    + (_ESTIMATED if role == "rates" else ""),
+                    advice=_done(log, (name,), rows) + (_ESTIMATED if role == "rates" else ""),
                     spans=tuple(_time_of(log, int(first), int(last)) for first, last in runs),
                 )
             )
@@ -138,15 +139,29 @@ def _impossible(log: Log) -> list[Finding]:
             level="masked",
             channel=each.channel,
             text=f"`{each.channel}` has {each.counted}, first at {each.place}: {each.first:.10g}",
-            advice="All other numbers are far from it; these rows are left out. If it was measured, convert "
-            "the file to another unit."
-            if each.placeholder
-            else "No machine has such numbers; these rows are left out. Look for a logger that writes one where it "
-            "has none, or for a damaged file.",
+            advice=f"{'All other numbers are far from it.' if each.placeholder else 'No machine has such numbers.'} "
+            f"{_done(log, each.columns, each.rows)} "
+            + (
+                "If it was measured, convert the file to another unit."
+                if each.placeholder
+                else "Look for a logger that writes one where it has none, or for a damaged file."
+            ),
             spans=tuple(_time_of(log, int(row), int(row)) for row in each.rows[:SHOWN_SPANS]),
         )
         for each in log.impossible
     ]
+
+
+def _done(log: Log, channels: Collection[str], rows: np.ndarray) -> str:
+    """What is done with rows that lack numbers of some columns."""
+    count = len(np.intersect1d(rows, bridged_rows(log, channels)))
+    how = " or ".join(dict.fromkeys(each.how for each in log.bridges if each.channel in channels and not each.wrong))
+    if count == len(rows):
+        return f"The rows are used: this input is {how} there."
+    split = "left out; where that leaves a gap, the recording is split."
+    return (
+        f"In {count} of these rows the input is {how}; the others are {split}" if count else f"These rows are {split}"
+    )
 
 
 def _short_lines(log: Log) -> _Short:

@@ -77,8 +77,30 @@ class Arrivals(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Bridge:
+    """Single numbers of an input that were missing or wrong, and in whose place others were put.
+
+    Attributes:
+        channel: Name of its column.
+        rows: Their rows of the log.
+        held: Whether the number before was held; they were interpolated else.
+        wrong: Whether they were there, and wrong.
+    """
+
+    channel: str
+    rows: np.ndarray
+    held: bool
+    wrong: bool
+
+    @property
+    def how(self) -> str:
+        """What was put in their place, in words."""
+        return "held at the number before" if self.held else "interpolated"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Log:
-    """One file's rows of one part, before anything is repaired; NaN where a number is missing or impossible.
+    """One file's rows of one part, before anything is repaired but inputs; NaN where a number is missing or impossible.
 
     Attributes:
         part: "train", "test" or "validation".
@@ -96,6 +118,7 @@ class Log:
         merged: That the table had several clocks, if so.
         arrivals: That its time stamps were found to be those of arrival, if so.
         repeats: Rows of the file that repeat the one before, time stamp and all, which the log lacks.
+        bridges: Numbers of inputs that were missing or wrong, and bridged.
     """
 
     part: str
@@ -112,6 +135,7 @@ class Log:
     merged: Merged | None = None
     arrivals: Arrivals | None = None
     repeats: tuple[int, ...] = ()
+    bridges: tuple[Bridge, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows T."""

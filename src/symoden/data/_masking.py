@@ -1,6 +1,7 @@
 """Leaving out what is missing: rows without numbers, and gaps in time, at which a recording is split."""
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -10,8 +11,9 @@ import numpy as np
 from symoden.wording import stamp
 
 from ._blind import BlindRows
+from ._bridges import bridged_rows
 from ._impossible import Impossible
-from ._logs import Log
+from ._logs import Bridge, Log
 from ._signals import longest_step
 from ._spikes import Spikes, rows_of
 from ._stuck import StuckRows
@@ -32,6 +34,7 @@ class Mask:
         blind: Dead spots of sensors, and the rows in each, which are left out.
         stuck: Positions that stand still while their velocities do not, whose rows are left out.
         gaps: Start and end of each gap [s].
+        bridges: Numbers of inputs that were missing or wrong, and in whose place others were put.
     """
 
     pieces: tuple[np.ndarray, ...]
@@ -42,6 +45,7 @@ class Mask:
     blind: tuple[BlindRows, ...]
     stuck: tuple[StuckRows, ...]
     gaps: tuple[tuple[float, float], ...]
+    bridges: tuple[Bridge, ...] = ()
 
     @property
     def left_out(self) -> np.ndarray:
@@ -57,7 +61,11 @@ class Mask:
         Returns:
             A phrase; empty where everything is used.
         """
-        what = []
+        what = [
+            f"{len(each.rows)} {'wrong' if each.wrong else 'missing'} number{'s' if len(each.rows) > 1 else ''} of "
+            f"`{each.channel}` ({each.how})"
+            for each in self.bridges
+        ]
         if self.missing:
             what.append(f"{_rows(self.missing)} without all numbers")
         for kind in dict.fromkeys(each.kind for each in self.impossible):
@@ -118,7 +126,8 @@ def mask(
     chosen = partial(
         Mask,
         missing=missing,
-        impossible=log.impossible,
+        impossible=tuple(_left_out_of(log)),
+        bridges=log.bridges,
         spikes=tuple(spikes),
         blind=tuple(blind),
         stuck=tuple(stuck),
@@ -141,6 +150,17 @@ def mask(
         return chosen(pieces=tuple(kept), dropped=_others(pieces, kept), gaps=gaps)
     kept = [piece for piece, fits in zip(pieces, long, strict=True) if fits]
     return chosen(pieces=tuple(kept), dropped=_others(pieces, kept), gaps=gaps)
+
+
+def _left_out_of(log: Log) -> Iterator[Impossible]:
+    """Impossible numbers whose rows are left out, as their places were not bridged."""
+    for each in log.impossible:
+        bridged = bridged_rows(log, each.columns)
+        rows = np.setdiff1d(each.rows, bridged)
+        if not len(bridged):
+            yield each
+        elif len(rows):
+            yield dataclasses.replace(each, rows=rows, place=log.place(int(rows[0])))
 
 
 def _others(pieces: list[np.ndarray], kept: list[np.ndarray]) -> tuple[int, ...]:

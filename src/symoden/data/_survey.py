@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._blind import BlindSpot, blind_spots
+from ._bridges import bridge
 from ._description import Description
 from ._errors import DataError
 from ._examine import Examination, examine
@@ -47,6 +48,7 @@ def survey(logs: Sequence[Log], description: Description, is_angle: np.ndarray) 
         What was found; that a log cannot be used is for the caller to raise or to report.
     """
     spots = blind_spots(logs, is_angle, description.blind)
+    logs = [bridge(log, description) for log in logs]
     measured = [_measured(log, description, is_angle, spots) for log in logs]
     rows = [chosen for chosen, _ in measured]
     clock = find_wrong_clock([facts for _, facts in measured if facts], description)
