@@ -102,8 +102,7 @@ def bumps_of(
     Returns:
         One for each recording that is long enough; none where all together are too few.
     """
-    step = float(np.median(np.concatenate([np.diff(each.ts) for each in recordings])))
-    size = max(_FEWEST_STEPS, round(_BUMP / step))
+    step, size = _step(recordings), steps_under(recordings)
     begin, end = (int(np.ceil(margin / step)) for margin in (first, last))
     long = [each for each in recordings if len(each) > begin + size + 1 + end]
     if not long:
@@ -116,6 +115,23 @@ def bumps_of(
     ]
     numbers = parts[0].motion.shape[1] + parts[0].given.shape[1] * parts[0].turning.shape[2]
     return parts if sum(map(len, starts)) >= 2 * _MANY * numbers else []
+
+
+def steps_under(recordings: Sequence[Trajectory]) -> int:
+    """Count the steps that a bump spans.
+
+    Args:
+        recordings: Recordings on which bumps are laid.
+
+    Returns:
+        The number, one less than the samples.
+    """
+    return max(_FEWEST_STEPS, round(_BUMP / _step(recordings)))
+
+
+def _step(recordings: Sequence[Trajectory]) -> float:
+    """Usual time from sample to sample [s]."""
+    return float(np.median(np.concatenate([np.diff(each.ts) for each in recordings])))
 
 
 def unexplained(parts: Sequence[Bumps], delay: float = 0.0) -> Float[np.ndarray, "B n"]:

@@ -6,20 +6,15 @@ from typing import Final
 
 import numpy as np
 
-from symoden.wording import stamp
-
 from ._accuracy import SlopeComparison, compare_with_slopes, find_inaccurate
 from ._description import Description
 from ._facts import ChannelFacts, Facts
-from ._findings import SHOWN_SPANS, Finding
+from ._findings import Finding
 from ._mismatch import find_mismatches
-from ._spikes import lone_samples
 from ._stuck import find_stuck
 
 _SAME = 0.03
 _IDLE, _LOUD = 10.0, 8.0  # steps of rounding, and sizes of the noise, whose own range is 7, that a joint must move
-_BEYOND, _FEW = 1.5, 0.01  # ranges of the others, from their median; share of the samples
-_NOTHING: Final = 1e-6  # of a range: errors of floats
 _STILL: Final = Finding(
     kind="idle",
     level="warning",
@@ -44,12 +39,15 @@ class Examination:
     slopes: tuple[SlopeComparison, ...] = ()
 
 
-def examine(facts: Facts | None, description: Description, *, clock: Finding | None = None) -> Examination:
+def examine(
+    facts: Facts | None, description: Description, lone: Sequence[Finding] = (), *, clock: Finding | None = None
+) -> Examination:
     """Look at the rows of a log that are used.
 
     Args:
         facts: What was measured of them; None where there are too few.
         description: What they mean.
+        lone: What single samples of inputs are.
         clock: That the clock of all logs is wrong, if so: then nothing else is asked of velocities.
 
     Returns:
@@ -63,38 +61,13 @@ def examine(facts: Facts | None, description: Description, *, clock: Finding | N
     findings = (
         *(stuck := find_stuck(facts)),
         *([clock] if clock else find_mismatches(facts, stuck)),
-        *_lone_inputs(facts),
+        *lone,
         *_saturation(facts),
         *(rounded := _rounding(facts)),
         *find_inaccurate(slopes, named={one.channel for one in rounded}, trusted=description.trust_velocities),
         *_idle(facts),
     )
     return Examination(facts=facts, findings=findings, slopes=slopes)
-
-
-def _lone_inputs(facts: Facts) -> list[Finding]:
-    """Inputs with single samples far beyond all others: a command may be an impulse, so these are not left out."""
-    found = []
-    for u, signal in zip(facts.inputs, facts.us.T, strict=True):
-        alone, off = lone_samples(facts.ts, signal, "inputs")
-        others = np.delete(signal, alone)
-        alone = alone[np.abs(signal[alone] - np.median(others)) > _BEYOND * np.ptp(others)]
-        if not 0 < len(alone) <= _FEW * len(signal) or np.ptp(others) <= _NOTHING * np.ptp(signal):
-            continue
-        count = f"{len(alone)} single samples" if len(alone) > 1 else "one sample"
-        found.append(
-            Finding(
-                kind="spike",
-                level="warning",
-                channel=u.name,
-                text=f"`{u.name}` has {count} far beyond all others, first at {stamp(float(facts.ts[alone[0]]))} s, "
-                f"by up to {np.abs(off[alone]).max():.3g} where the others range over {np.ptp(others):.3g}",
-                advice="Nothing need be done if these are impulses that the machine was given. If they are errors of a "
-                "sensor or a bus, empty these cells: such rows are left out, and the model may be far off else.",
-                spans=tuple((float(facts.ts[k]), float(facts.ts[k])) for k in alone[:SHOWN_SPANS]),
-            )
-        )
-    return found
 
 
 def _saturation(facts: Facts) -> list[Finding]:

@@ -14,6 +14,7 @@ from ._facts import Facts, measure
 from ._findings import Finding
 from ._late import replace_late
 from ._logs import Log
+from ._lone_inputs import ask_motion, find_lone_inputs, lone_inputs, without_wrong
 from ._masking import Mask
 from ._mismatch import find_wrong_clock
 from ._recordings import rows_to_use
@@ -24,7 +25,7 @@ class Survey(NamedTuple):
     """What was found out about logs before recordings are made of them.
 
     Attributes:
-        used: The logs as they are used, without velocities where these are estimated.
+        used: The logs as they are used: inputs bridged, without velocities where these are estimated.
         rows: Which of each one's rows are used, or why none are.
         examinations: What was found in each.
         replaced: That velocities are estimated although they were logged, if so.
@@ -50,9 +51,18 @@ def survey(logs: Sequence[Log], description: Description, is_angle: np.ndarray) 
     spots = blind_spots(logs, is_angle, description.blind)
     logs = [bridge(log, description) for log in logs]
     measured = [_measured(log, description, is_angle, spots) for log in logs]
+    lone = [lone_inputs(facts) for _, facts in measured]
+    lone = ask_motion(logs, [chosen for chosen, _ in measured], lone, description, is_angle)
+    for i, each in enumerate(lone):
+        if any(len(one.wrong.rows) for one in each):
+            logs[i] = without_wrong(logs[i], each, description)
+            measured[i] = _measured(logs[i], description, is_angle, spots)
     rows = [chosen for chosen, _ in measured]
     clock = find_wrong_clock([facts for _, facts in measured if facts], description)
-    examined = [examine(facts, description, clock=clock) for _, facts in measured]
+    examined = [
+        examine(facts, description, find_lone_inputs(log, each), clock=clock)
+        for log, (_, facts), each in zip(logs, measured, lone, strict=True)
+    ]
     used, examined, replaced = replace_late(logs, examined, description)
     if replaced:  # What velocities lacked is lacking no more.
         rows = [
