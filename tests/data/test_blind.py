@@ -219,7 +219,7 @@ def test_what_is_no_interval_of_a_position_is_refused(tmp_path, more, wanted):
 
 def test_a_held_input_is_its_mean_over_rows_that_are_left_out(tmp_path):
     ts = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]
-    q, u = ["0", "1", "", "2", "3", "4", "5", "6"], [1, 2, 6, 3, "", 5, 6, 7]
+    q, u = ["0", "1", "", "2", "", "4", "5", "6"], [1, 2, 6, 3, "", 5, 6, 7]
     rows = [f"{x},{y},{z}" for x, y, z in zip(ts, q, u, strict=True)]
     (tmp_path / "run.csv").write_text("t,q,u\n" + "\n".join(rows) + "\n")
     path = tmp_path / "run.toml"

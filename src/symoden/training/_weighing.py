@@ -126,7 +126,7 @@ def fit_whitening(residuals: Float[np.ndarray, "B k o"], measured: Float[Array, 
     """
     every = residuals.shape[2]
     kept = np.flatnonzero(np.ones(every) if measured is None else np.asarray(measured))
-    residuals = residuals[:, :, kept]
+    residuals = np.take(residuals, kept, axis=2)
     windows, samples, channels = residuals.shape
     enough = windows * (samples - _ORDER) >= _SAMPLES * _ORDER * channels
     if not enough or not np.abs(residuals).max() < LARGEST:
