@@ -13,9 +13,7 @@ from ._shapes import Times
 from ._signals import longest_step
 from ._spikes import rows_of
 
-_SMOOTH: Final = (
-    0.4  # Of what held numbers miss: sines of eight samples a period; of steps straight lines miss as much.
-)
+_SMOOTH: Final = 0.4  # Of what held numbers miss: sines of eight samples a period; lines through steps miss as much.
 
 
 def bridge(log: Log, description: Description, wrong: Bool[np.ndarray, "T m"] | None = None) -> Log:
