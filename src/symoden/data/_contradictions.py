@@ -1,18 +1,17 @@
-"""Files that agree with the others only once a sign, a unit, the order of columns or a delay is changed."""
+"""Files that agree with the others only once something is changed."""
 
-import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import accumulate, combinations
+from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from ._bumps import MOST, Bumps, Rows, bumps_of, stacked, under_bumps
+from ._changes import Change, changes_of
 from ._dataset import Dataset
-from ._findings import Finding, Kind
-from ._trajectory import Trajectory
+from ._findings import Finding
 
 _WELL: Final = 0.1  # Share of the accelerations' mean square that is left: the others tell the file well as it is.
 _MOST: Final = 0.5  # The same: they tell most of it.
@@ -27,53 +26,6 @@ _EACH, _ALL = 300, 6000  # Bumps of a file, for the 140 numbers of six joints; o
 _CHANGED: Final = 60  # Bumps of a file that are laid anew for each of up to a hundred changes.
 _TRIED: Final = 12  # Files that may be the one without which the others agree.
 _NAMED: Final = 3  # Changes.
-_LENGTHS: Final = (1e3, 1e-3, 1e2, 1e-2)  # Millimetres, centimetres.
-_DEGREES: Final = 180 / np.pi
-_FINEST, _LONGEST = 0.01, 0.1  # [s] between delays that are tried, if not a step; the longest one.
-
-
-class _Change(NamedTuple):
-    """What may be wrong with a file, and how it is mended.
-
-    Attributes:
-        kind: What it is about.
-        column: Column that it is about, the first of several.
-        words: What has to be done with the file's columns.
-        mend: A recording from what was recorded.
-        delay: How late its inputs act then [s].
-    """
-
-    kind: Kind
-    column: str
-    words: str
-    mend: Callable[[Trajectory], Trajectory]
-    delay: float = 0.0
-
-
-class _Columns(NamedTuple):
-    """Columns of one meaning.
-
-    Attributes:
-        names: Their names.
-        fields: What a recording has of them.
-    """
-
-    names: tuple[str, ...]
-    fields: tuple[str, ...]
-
-    def changed(self, kind: Kind, first: int, words: str, change: Callable[[np.ndarray], np.ndarray]) -> _Change:
-        """The same change of all that a recording has of them."""
-        return _Change(
-            kind,
-            self.names[first],
-            words,
-            lambda each: dataclasses.replace(each, **{field: change(getattr(each, field)) for field in self.fields}),
-        )
-
-
-def _columns(dataset: Dataset) -> tuple[_Columns, _Columns]:
-    """Positions with their velocities, and inputs."""
-    return _Columns(dataset.position_names, ("q", "rates")), _Columns(dataset.input_names, ("us",))
 
 
 class _Told(NamedTuple):
@@ -164,7 +116,7 @@ class _File:
         self._recordings, self._is_angle, self._held = recordings, is_angle, held
 
     @functools.cache  # noqa: B019 - A file lives as long as the search does.
-    def mended(self, change: _Change) -> _Told:
+    def mended(self, change: Change) -> _Told:
         """What it tells with a change."""
         stride = max(1, self.told.bumps // _CHANGED)
         parts = [
@@ -184,7 +136,7 @@ class _Answer(NamedTuple):
         as_it_is: Share that they leave without.
     """
 
-    changes: tuple[_Change, ...]
+    changes: tuple[Change, ...]
     left: float
     as_it_is: float
 
@@ -218,60 +170,13 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]
     for bumps in bumps_of(dataset.recordings, is_angle, held=held, most=most):
         files.setdefault(names[id(bumps.recording)], []).append(bumps)
     every = {name: _File(recordings, is_angle, held=held) for name, recordings in files.items()}
-    changes = [*_factors(dataset, is_angle), *_orders(dataset, is_angle), *_delays(dataset)]
-    odd, pair = _odd_ones({name: each for name, each in every.items() if each.told.bumps >= _FEWEST}, changes)
+    odd, pair = _odd_ones(
+        {name: each for name, each in every.items() if each.told.bumps >= _FEWEST}, changes_of(dataset, is_angle)
+    )
     return [_finding(name, odd[name], pair) for name in every if name in odd]
 
 
-def _factors(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Change]:
-    """Signs and units of columns."""
-
-    def times(factor: float, kind: Kind, columns: _Columns, which: Sequence[int], words: str) -> _Change:
-        by = np.where(np.isin(np.arange(len(columns.names)), which), factor, 1.0)
-        return columns.changed(kind, which[0], words, lambda signal: signal * by)
-
-    positions, inputs = _columns(dataset)
-    for columns, each, every, units in (
-        (positions, "`{}` and its velocity", "all positions and velocities", ()),
-        (inputs, "`{}`", "all inputs", (1e3, 1e-3)),  # Milliamperes, newton millimetres.
-    ):
-        which = [([i], each.format(name), "is") for i, name in enumerate(columns.names)]
-        if len(columns.names) > 1:
-            which.append((list(range(len(columns.names))), every, "are"))
-        for some, words, verb in which:
-            yield times(-1.0, "sign", columns, some, f"the sign of {words} is turned")
-            for factor in units:
-                yield times(factor, "unit", columns, some, f"{words} {verb} taken times {factor:g}")
-    if lengths := np.flatnonzero(~is_angle).tolist():
-        for factor in _LENGTHS:
-            words = f"lengths and their velocities are taken times {factor:g}"
-            yield times(factor, "unit", positions, lengths, words)
-    if angles := np.flatnonzero(is_angle).tolist():
-        yield times(1 / _DEGREES, "unit", positions, angles, "angles are taken to be in degrees")
-        yield times(_DEGREES, "unit", positions, angles, "angles are taken to be in radians")
-
-
-def _orders(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[_Change]:
-    """Two columns of a kind that are exchanged."""
-    for columns, kinds in zip(_columns(dataset), (is_angle, np.zeros(dataset.inputs, bool)), strict=True):
-        for i, j in combinations(range(len(columns.names)), 2):
-            if kinds[i] == kinds[j]:
-                order = np.arange(len(columns.names))
-                order[[i, j]] = j, i
-                words = f"`{columns.names[i]}` and `{columns.names[j]}` are exchanged"
-                yield columns.changed("order", i, words, lambda signal, order=order: signal[:, order])
-
-
-def _delays(dataset: Dataset) -> Iterator[_Change]:
-    """Inputs that act later or sooner than they were logged."""
-    step = float(np.median(np.concatenate([np.diff(each.ts) for each in dataset.recordings])))
-    for delay in np.arange(max(step, _FINEST), _LONGEST * (1 + _WEAK), max(step, _FINEST)).tolist():
-        for late, when in ((delay, "later"), (-delay, "sooner")):
-            words = f"inputs act {delay:.3g} s {when} than they were logged"
-            yield _Change("delay", dataset.input_names[0], words, lambda each: each, late)
-
-
-def _odd_ones(files: _Files, changes: Sequence[_Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
+def _odd_ones(files: _Files, changes: Sequence[Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
     """Files without which the others agree, and the last two where these do not, so that either may be wrong."""
     agree, odd = dict(files), {}
     while len(agree) > 1 and (unlike := _unlike(agree, _WELL)):
@@ -295,7 +200,7 @@ def _unlike(files: _Files, most: float) -> list[str]:
     ]
 
 
-def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[_Change]) -> tuple[str, _Answer] | None:
+def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[Change]) -> tuple[str, _Answer] | None:
     """The file that a change would mend, without which the fewest others are unlike; none where there is none."""
 
     def unlikely(name: str) -> tuple[bool, float]:
@@ -318,7 +223,7 @@ def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[_Chang
     return name, answer
 
 
-def _mended(others: _Told, file: _File, changes: Sequence[_Change]) -> _Answer | None:
+def _mended(others: _Told, file: _File, changes: Sequence[Change]) -> _Answer | None:
     """What has to be changed for the others to tell most of a file, of which they leave three times as much now."""
     law = _Law.of(others)
     as_it_is = law.left(file.told)
@@ -337,7 +242,7 @@ def _mended(others: _Told, file: _File, changes: Sequence[_Change]) -> _Answer |
     return _Answer(tuple(change for change in alike if not change.delay or change is delay), least, as_it_is)
 
 
-def _tells(file: _File, change: _Change) -> bool:
+def _tells(file: _File, change: Change) -> bool:
     """Whether a file tells a delay by itself: the phase of another sine, by a slow drive, is none."""
     now, then = (_Law.of(told).left(told) for told in map(file.mended, (change._replace(delay=0.0), change)))
     return now > _WELL and then <= _LESS * now

@@ -10,6 +10,7 @@ from ._bumps import bumps_of, unexplained
 from ._clocks import SLOW
 from ._dataset import Dataset
 from ._findings import Finding
+from ._trajectory import usual_step
 
 _LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less;
 _STEPS: Final = 5  # and as many steps where these take longer.
@@ -42,10 +43,10 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     """
     if not dataset.train or not dataset.inputs or dataset.momenta:
         return []
-    step = float(np.median(np.concatenate([np.diff(each.ts) for each in dataset.train])))
+    step = usual_step(dataset.train)
     if step >= SLOW:  # The clock is doubted rather.
         return []
-    every = _changes(step, min(delays))
+    every = _shifts(step, min(delays))
     parts = bumps_of(dataset.train, is_angle, first=every[-1], last=-every[0], held=dataset.hold == "zero")
     if not parts:
         return []
@@ -60,7 +61,7 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     return [_finding(dataset, delays, float(every[best]), now=float(means[said]), then=float(means[best]))]
 
 
-def _changes(step: float, told: float) -> Float[np.ndarray, " d"]:
+def _shifts(step: float, told: float) -> Float[np.ndarray, " d"]:
     """What to add to delays [s], in order: from none at all to the longest that is looked for."""
     spacing = max(step / 2, _FINEST)
     longer = np.arange(0.0, max(_LONGEST, _STEPS * step), spacing)

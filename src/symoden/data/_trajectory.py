@@ -1,7 +1,7 @@
 """One recording of a mechanism."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -122,6 +122,18 @@ class Trajectory:
         return dataclasses.replace(
             self, name=name, ts=self.ts[part], q=self.q[part], rates=self.rates[part], us=self.us[part]
         )
+
+
+def usual_step(recordings: Sequence[Trajectory]) -> float:
+    """Take the median time from sample to sample.
+
+    Args:
+        recordings: Recordings, one at least.
+
+    Returns:
+        The step [s].
+    """
+    return float(np.median(np.concatenate([np.diff(each.ts) for each in recordings])))
 
 
 def refuse_times_out_of_order(ts: Times, where: str, *, place: Callable[[int], str] = "row {}".format) -> None:
