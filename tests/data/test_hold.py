@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from symoden.data import check_dataset
+from symoden.data import DataWarning, check_dataset, read_dataset
 
 STEP = 0.02
 FINE = 20  # Steps of integration between rows.
@@ -51,3 +51,11 @@ def test_noise_tells_nothing_of_it(tmp_path, seed):
     pendulum(tmp_path, "linear", noise=0.02, seed=seed)
     assert found(tmp_path, "zero") == []
     assert found(tmp_path, "linear") == []
+
+
+@pytest.mark.filterwarnings("ignore:.*velocities are estimated")  # Without noise these are better.
+def test_training_is_warned_of_it_as_well(tmp_path):
+    pendulum(tmp_path, "linear")
+    found(tmp_path, "zero")
+    with pytest.warns(DataWarning, match='Write `hold = "linear"`'):
+        read_dataset(tmp_path / "run.toml")

@@ -18,10 +18,8 @@ from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
 from ._feedback import find_feedback
 from ._findings import SHOWN_SPANS, Finding, refusal
-from ._hold import find_other_hold
-from ._input_signs import find_input_signs
+from ._inputs import find_wrong_inputs
 from ._kinematics import AGREES
-from ._late_inputs import find_late_inputs
 from ._left_out import find_absent, find_masked, find_merged
 from ._lengths import find_short
 from ._logs import Log, angles
@@ -168,14 +166,13 @@ def _together(
         check_trainable(dataset)
     except DataError as error:
         return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.
-    late = find_late_inputs(dataset, description.input_delay, is_angle)
-    # By another delay inputs seem to be held otherwise or to push the other way round, and far off to be fed back.
-    feedback = [] if any(one.level == "warning" for one in late) else find_feedback(dataset, is_angle)
-    acting = [] if late else [*find_other_hold(dataset, is_angle), *find_input_signs(dataset, description, is_angle)]
+    inputs = find_wrong_inputs(dataset, description, is_angle)
+    doubted = any(one.kind == "delay" and one.level == "warning" for one in inputs)
+    feedback = [] if doubted else find_feedback(dataset, is_angle)  # By a delay far off inputs seem to be fed back.
     pace = *find_slow_sampling(dataset, is_angle), *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
     contradictions = find_contradictions(dataset, is_angle)
-    return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *late, *acting, *contradictions]
+    return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *inputs, *contradictions]
 
 
 def _check(

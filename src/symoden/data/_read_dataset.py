@@ -16,8 +16,7 @@ from ._description import Description, read_description
 from ._errors import DataError, DataWarning, listing
 from ._examine import Examination
 from ._findings import Finding
-from ._input_signs import find_input_signs
-from ._late_inputs import find_late_inputs
+from ._inputs import find_wrong_inputs
 from ._left_out import find_merged
 from ._logs import Log, angles
 from ._masking import Mask
@@ -50,9 +49,9 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
         DataError: If the description or a file is not what it must be, or one part has rows of another one.
 
     Warns:
-        DataWarning: If something was left out, or looks wrong: a stuck sensor, a wrong unit, sign or delay, a part that
-            has rows of another one in a file of its own; if velocities come late and are estimated from the positions
-            instead.
+        DataWarning: If something was left out, or looks wrong: a stuck sensor, a wrong unit, sign, delay or hold, a
+            part that has rows of another one in a file of its own; if velocities come late and are estimated from the
+            positions instead.
 
     Example:
         >>> arm = read_dataset("arm.toml")  # doctest: +SKIP
@@ -73,8 +72,7 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
-    late = find_late_inputs(dataset, description.input_delay, is_angle)
-    inputs = late or find_input_signs(dataset, description, is_angle)
+    inputs = find_wrong_inputs(dataset, description, is_angle)
     for finding in (*find_copies(logs), *inputs, *find_contradictions(dataset, is_angle)):
         if finding.level == "warning":
             warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
