@@ -1,6 +1,7 @@
 """The description of a data set: a TOML file that says which numbers of which files mean what."""
 
 import itertools
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -20,6 +21,7 @@ _FITTING: Final[Mapping[str, tuple[str, ...]]] = {"time": ("s",), "inputs": ("N"
 
 Interval: TypeAlias = tuple[int, int | None]
 ALL_ROWS: Final = ((0, None),)
+_SHOWN_CHARACTERS: Final = 80  # Of a line that is no TOML.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,11 +147,17 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
         DataError: If the file cannot be read, has an unknown key, lacks one, or has a wrong value.
     """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise DataError(f"`{path}`: cannot be read: {error.strerror or error}. Give a description's path.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise DataError(f"`{path}`: must be a TOML file; reading stopped at: {error}.") from error
+    except UnicodeDecodeError as error:
+        raise DataError(f"`{path}`: must be a TOML file, in UTF-8; reading stopped at: {error}.") from error
+    try:
+        table = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise DataError(
+            f"`{path}`: must be a TOML file; reading stopped at: {error}{_line_of(error, text)}."
+        ) from error
     parts: dict[str, Any] = {
         name: Part(**_checked(path, f"[{name}] ", table.pop(name), PART_KEYS, required=("files",)))
         for name in PARTS
@@ -166,6 +174,13 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
     _refuse_contradictions(path, description)
     _refuse_unfit_units(path, description)
     return description
+
+
+def _line_of(error: Exception, text: str) -> str:
+    """The line at which a parser stopped, if it tells which; names without quotation marks are the usual mistake."""
+    told = re.search(r"at line (\d+)", str(error))
+    line = next(itertools.islice(text.split("\n"), int(told[1]) - 1, None), "").strip() if told else ""
+    return f", in `{line[:_SHOWN_CHARACTERS]}`. Names of columns and files stand in quotation marks" if line else ""
 
 
 def angles_of(path: Path, space: str) -> tuple[bool, ...]:
