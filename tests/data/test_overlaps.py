@@ -92,3 +92,11 @@ def test_where_parts_have_recordings_of_a_file_nothing_is_said_of_its_end(tmp_pa
     (text,) = refusals(path)
     assert "both have rows 0 to 99 of" in text
     assert "cut off" not in text
+
+
+@pytest.mark.parametrize(("rows", "last"), [([0, 6000], 6000), ([[0, 50], [100, 301]], 301), ([0, 300], 0), ([20], 0)])
+def test_rows_behind_the_end_of_a_file_are_noted(tmp_path, rows, last):
+    path = split(tmp_path, train=rows, test=[0, 0])
+    path.write_text(path.read_text().split("[test]")[0])
+    notes = [one.text for one in check_dataset(path).findings if one.kind == "missing"]
+    assert notes == [f"[train] `rows` name rows of `run0.csv` up to {last}, and it ends after row 299"] * bool(last)

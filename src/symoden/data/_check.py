@@ -24,6 +24,7 @@ from ._left_out import find_absent, find_masked, find_merged
 from ._lengths import find_short
 from ._logs import Log, angles
 from ._masking import Mask
+from ._overlaps import find_ended
 from ._pace import find_fast_sampling, find_slow_sampling
 from ._read_dataset import assemble
 from ._reading import Reading, read_all
@@ -126,6 +127,7 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     )
     together = [
         *map(refusal, reading.refusals),
+        *([] if reading.refusals else find_ended(description, reading.logs)),
         *([replaced] if replaced else []),
         *_idle_everywhere(checks),
         *find_counted_zeros(reading.logs, [check.channels for check in checks]),

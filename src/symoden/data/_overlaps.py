@@ -1,4 +1,4 @@
-"""Rows of one file that are in two parts: a test on what was learned from tells nothing."""
+"""Rows that parts name: those that two of them have, from which a test tells nothing, and those that no file has."""
 
 import itertools
 from collections.abc import Sequence
@@ -8,6 +8,7 @@ import numpy as np
 
 from ._description import Description
 from ._errors import DataError
+from ._findings import Finding
 from ._logs import Log
 
 
@@ -35,6 +36,30 @@ def find_overlaps(path: Path, description: Description, logs: Sequence[Log]) -> 
     )
 
 
+def find_ended(description: Description, logs: Sequence[Log]) -> list[Finding]:
+    """Say which files end before the rows that the description names of them.
+
+    Args:
+        description: What it says.
+        logs: What was logged, with the rows that the files have.
+
+    Returns:
+        One finding for each file and part.
+    """
+    return [
+        Finding(
+            kind="missing",
+            level="note",
+            channel="",
+            text=f"[{name}] `rows` name rows of `{file.name}` up to {last}, and it ends after row {index.max()}",
+            advice="Nothing need be done, unless the file was cut off: copy it again then.",
+        )
+        for name in description.parts
+        for file, index in _by_file([log for log in logs if log.part == name]).items()
+        if (last := _last_beyond(description, name, file, index))
+    ]
+
+
 def _by_file(part: Sequence[Log]) -> dict[Path, np.ndarray]:
     """Rows of each file that a part has."""
     found: dict[Path, list[np.ndarray]] = {}
@@ -46,9 +71,14 @@ def _by_file(part: Sequence[Log]) -> dict[Path, np.ndarray]:
 def _ending(description: Description, file: Path, rows: dict[str, np.ndarray]) -> str:
     """That a file ends before rows that a part names, if so: then others are counted from an end that is none."""
     for name, index in rows.items():
-        part = description.parts[name]
-        last = max((stop for _, stop in part.rows_of(file) if stop is not None), default=0)
-        told_apart = description.recording is not None or part.recordings
-        if last > index.max() + 1 and not told_apart:
+        if last := _last_beyond(description, name, file, index):
             return f", which ends before row {last} of [{name}]: perhaps it was cut off"
     return ""
+
+
+def _last_beyond(description: Description, name: str, file: Path, index: np.ndarray) -> int:
+    """The last row that a part names of a file if this ends before; 0 if not, or if rows are those of recordings."""
+    part = description.parts[name]
+    last = max((stop for _, stop in part.rows_of(file) if stop is not None), default=0)
+    told_apart = description.recording is not None or part.recordings
+    return last if last > index.max() + 1 and not told_apart else 0
