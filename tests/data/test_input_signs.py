@@ -28,7 +28,7 @@ def cart(path, g, *, seed=0, samples=2000, noise=1e-3, late=0, friction=0.5):
     np.savetxt(path / "run.csv", rows, delimiter=",", header="t,x,q,vx,vq,u,w", comments="")
 
 
-def described(path, matrix, more=""):
+def described(path, matrix, more="", kind="sign"):
     """A description with such a g, and what is said of signs."""
     file = path / "run.toml"
     given = f"input_matrix = {np.asarray(matrix).tolist()}" if matrix is not None else ""
@@ -36,7 +36,7 @@ def described(path, matrix, more=""):
         f'space = "R1 T1"\ntime = "t"\npositions = ["x", "q"]\nvelocities = ["vx", "vq"]\ninputs = ["u", "w"]\n'
         f'{given}\n{more}\n[train]\nfiles = ["run.csv"]\n'
     )
-    return file, [one for one in check_dataset(file).findings if one.kind == "sign"]
+    return file, [one for one in check_dataset(file).findings if one.kind == kind]
 
 
 @pytest.mark.parametrize("noise", [1e-3, 3e-3])
@@ -55,6 +55,19 @@ def test_an_input_of_the_wrong_sign_is_named(tmp_path, signs, named, noise):
             read_dataset(file)
         turned = ", ".join(f"{name} = -1" for name in named)
         assert described(tmp_path, g * signs, f"units = {{{turned}}}")[1] == []
+
+
+@pytest.mark.parametrize("g", [np.eye(2), np.array([[2.0, 0.5], [0.0, 1.0]])])
+@pytest.mark.parametrize("seed", range(2))
+def test_inputs_that_are_exchanged_are_named(tmp_path, g, seed):
+    cart(tmp_path, g, seed=seed)
+    assert described(tmp_path, g, kind="order")[1] == []
+    file, (one,) = described(tmp_path, g[:, ::-1], kind="order")
+    assert (one.level, one.channel) == ("warning", "u")
+    assert "`u` accelerates the mechanism as `input_matrix` says of `w`" in one.text
+    assert described(tmp_path, g[:, ::-1])[1] == []
+    with pytest.warns(DataWarning, match="Exchange them in `inputs`"):
+        read_dataset(file)
 
 
 @pytest.mark.parametrize("seed", range(4))
