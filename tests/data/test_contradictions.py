@@ -12,16 +12,17 @@ STEP, IS_ANGLE = 0.01, np.array([False, True])
 INVERSE = np.linalg.inv([[1.0, 0.3], [0.3, 0.5]])
 
 
-def cart(name, seed, *, samples=1200, size=2.0, noise=1e-3):
+def cart(name, seed, *, samples=1200, size=2.0, noise=1e-3, load=1.0, start=0.0):
     """Two coupled joints, one under gravity, with steps of their inputs."""
     rng = np.random.default_rng(seed)
     us = np.repeat(rng.uniform(-size, size, (samples // 40 + 1, 2)), 40, axis=0)[:samples]
     states = np.zeros((samples, 2, 2))
+    states[0] = [[start, start], [0.0, 0.0]]
     for k in range(samples - 1):
         q, v = states[k]
         for _ in range(10):
             force = us[k] * [2, 1] - [0, 3 * np.sin(q[1])] - 0.5 * v - 2 * q * [1, 0]
-            v = v + STEP / 10 * INVERSE @ force
+            v = v + STEP / 10 * INVERSE @ force / load
             q = q + STEP / 10 * v
         states[k + 1] = q, v
     measured = states + rng.normal(0, noise, states.shape) * [[[1], [3]]]
@@ -41,6 +42,10 @@ def stretched(recording, factor):
 def found(*train, test=(), **more):
     dataset = Dataset(name="d", space="R1 T1", train=train, test=test, **more)
     return find_contradictions(dataset, IS_ANGLE)
+
+
+def moved(recording, way):
+    return dataclasses.replace(recording, q=recording.q + way)
 
 
 FILES = [cart(name, seed) for seed, name in enumerate("abcd")]
@@ -80,8 +85,8 @@ def test_inputs_in_another_unit_in_one_file_are_named(k, units, what):
 @pytest.mark.parametrize(
     ("change", "kind", "words"),
     [
-        (lambda each: stretched(each, [1, 180 / np.pi]), "unit", "angles are taken to be in degrees"),
-        (lambda each: stretched(each, [1, np.pi / 180]), "unit", "angles are taken to be in radians"),
+        (lambda each: stretched(each, [1, 180 / np.pi]), "unit", "and its velocity are taken to be in degrees"),
+        (lambda each: stretched(each, [1, np.pi / 180]), "unit", "and its velocity are taken to be in radians"),
         (lambda each: stretched(each, [1, -1]), "sign", "the sign of `q2` and its velocity is turned"),
         (lambda each: dataclasses.replace(each, us=each.us[:, ::-1]), "order", "`u1` and `u2` are exchanged"),
         (lambda each: dataclasses.replace(each, us=-each.us), "sign", "the sign of all inputs is turned"),
@@ -200,3 +205,34 @@ def test_the_check_and_training_say_it(tmp_path):
     assert "`b` (train) moves as the other recordings do only if the sign of `u` is turned" in finding.text
     with pytest.warns(DataWarning, match="moves as the other recordings do only if the sign of `u` is turned"):
         read_dataset(path)
+
+
+@pytest.mark.parametrize("way", [0.0, 30.0, 1e4])
+def test_lengths_are_as_well_far_from_zero(way):
+    files = [moved(each, [way, 0.0]) for each in [turned(FILES[0], -1, 0), *FILES[1:]]]
+    (one,) = found(*files)
+    assert "`a` (train)" in one.text
+    assert "the sign of" in one.text
+    assert found(*(moved(each, [way, 0.0]) for each in FILES)) == []
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_a_file_that_is_like_the_others_in_nothing_is_named(k):
+    payload = cart(FILES[k].name, k, load=2.5)
+    (one,) = found(*(payload if i == k else each for i, each in enumerate(FILES)))
+    assert (one.kind, one.level) == ("unlike", "warning")
+    assert one.text.startswith(f"`{FILES[k].name}` (train) moves otherwise than the other recordings")
+
+
+def test_of_two_files_that_are_unlike_one_or_both_are_named():
+    findings = found(FILES[0], cart("b", 1, load=2.5))
+    assert {one.kind for one in findings} == {"unlike"}
+    assert all("otherwise than the other recording:" in one.text for one in findings)
+
+
+@pytest.mark.parametrize("count", [2, 4])
+def test_without_inputs_files_are_compared_as_well(count):
+    free = [dataclasses.replace(cart(f"{k}", k, size=0.0, start=1.5), us=np.zeros((1200, 0))) for k in range(count)]
+    other = dataclasses.replace(cart("other", 9, size=0.0, start=1.5, load=2.5), us=np.zeros((1200, 0)))
+    assert found(*free) == []
+    assert {one.kind for one in found(*free, other)} == {"unlike"}

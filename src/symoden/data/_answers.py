@@ -28,6 +28,7 @@ class Law(NamedTuple):
         left: What is left under each bump, by what it did not see.
         noise: Root mean square of that, before it is scaled.
         size: Steps under a bump.
+        middle: Where positions are counted from.
     """
 
     effects: Float[np.ndarray, "k n"]
@@ -35,6 +36,7 @@ class Law(NamedTuple):
     left: Float[np.ndarray, "B n"]
     noise: Float[np.ndarray, " n"]
     size: int
+    middle: Float[np.ndarray, " n"]
 
 
 def law_of(
@@ -52,12 +54,10 @@ def law_of(
         The law; none where there are too few bumps.
     """
     apart = {id(each): times for each, times in zip(recordings, aside, strict=True)}
-    ordinary = [
-        Rows(*(rows[_is_apart(part, apart[id(part.recording)])] for rows in stacked([part])))
-        for part in bumps_of(recordings, is_angle, held=held)
-    ]
-    if not ordinary:
+    parts = bumps_of(recordings, is_angle, held=held)
+    if not parts:
         return None
+    ordinary = [Rows(*(rows[_is_apart(part, apart[id(part.recording)])] for rows in stacked([part]))) for part in parts]
     motion, pushed, gained = (np.concatenate(each) for each in zip(*ordinary, strict=True))
     causes = np.concatenate([motion, pushed], axis=1)
     if len(causes) < _MANY * causes.shape[1]:
@@ -66,7 +66,7 @@ def law_of(
     noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), np.finfo(float).tiny)
     size = sizes(causes)
     inverse = np.linalg.pinv(causes / size, rcond=RANK) / size[:, None]
-    return Law(inverse @ gained / noise, inverse.T, left / noise, noise, steps_under(recordings))
+    return Law(inverse @ gained / noise, inverse.T, left / noise, noise, steps_under(recordings), parts[0].middle)
 
 
 def _is_apart(bumps: Bumps, times: Times) -> Bool[np.ndarray, " B"]:
@@ -96,7 +96,7 @@ def shares_answered(
     beside = np.arange(-law.size, late + 1, -(-law.size // _STRIDES))
     starts = np.clip(np.searchsorted(without.ts, times)[:, None] + beside, 0, len(without) - law.size - 1)
     samples = starts.reshape(-1, 1) + np.arange(law.size + 1)
-    rest, all_ = (stacked([under_bumps(each, samples, is_angle, held=held)]) for each in (without, with_))
+    rest, all_ = (stacked([under_bumps(each, samples, is_angle, law.middle, held=held)]) for each in (without, with_))
     more = np.concatenate([np.zeros_like(rest.motion), all_.pushed - rest.pushed], axis=1)
     unexplained = rest.gained / law.noise - np.concatenate([rest.motion, rest.pushed], axis=1) @ law.effects
     shares = np.full(len(times), np.nan)

@@ -23,6 +23,7 @@ class Bumps(NamedTuple):
     Attributes:
         recording: The recording.
         samples: Its samples under each bump.
+        middle: Where positions are counted from, the same in all recordings; zero for angles.
         motion: ∫ w of what accelerates a mechanism beside its inputs.
         gained: ∫ w dv.
         cells: dt of every sample [s].
@@ -32,6 +33,7 @@ class Bumps(NamedTuple):
 
     recording: Trajectory
     samples: Int[np.ndarray, "B s"]
+    middle: Float[np.ndarray, " n"]
     motion: Float[np.ndarray, "B k"]
     gained: Float[np.ndarray, "B n"]
     cells: Float[np.ndarray, "B s"]
@@ -42,6 +44,8 @@ class Bumps(NamedTuple):
         """∫ w u dt of inputs of some time ago, as they are and as they turn with each angle."""
         # Means over every sample's cell, half of which is before it: of an input that is held until the next row these
         # are (u[k−1] + u[k]) / 2, as it acts half a step later than its row.
+        if not self.given.shape[1]:
+            return np.zeros((len(self.samples), 0))
         ts = self.recording.ts
         at = ts[self.samples] - delay
 
@@ -109,8 +113,10 @@ def bumps_of(
         return []
     stride = max(size // 2, sum(map(len, long)) // most, 1)
     starts = [np.arange(begin, len(each) - end - size, stride)[:, None] for each in long]
+    # Beside 1, powers of lengths that are far from zero would tell nothing. One file in another unit moves no median.
+    middle = np.where(is_angle, 0.0, np.median([np.median(each.q, axis=0) for each in long], axis=0))
     parts = [
-        under_bumps(each, start + np.arange(size + 1), is_angle, held=held)
+        under_bumps(each, start + np.arange(size + 1), is_angle, middle, held=held)
         for each, start in zip(long, starts, strict=True)
     ]
     numbers = parts[0].motion.shape[1] + parts[0].given.shape[1] * parts[0].turning.shape[2]
@@ -144,13 +150,21 @@ def unexplained(parts: Sequence[Bumps], delay: float = 0.0) -> Float[np.ndarray,
     return left**2 / np.maximum(np.var(gained, axis=0), np.finfo(float).tiny)
 
 
-def under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle: np.ndarray, *, held: bool) -> Bumps:
+def under_bumps(
+    recording: Trajectory,
+    samples: Int[np.ndarray, "B s"],
+    is_angle: np.ndarray,
+    middle: Float[np.ndarray, " n"],
+    *,
+    held: bool,
+) -> Bumps:
     """Integrate a recording under bumps (1 − x²)².
 
     Args:
         recording: The recording.
         samples: Its samples under each bump.
         is_angle: Whether each coordinate is an angle.
+        middle: Where positions are counted from.
         held: Whether inputs are held until the next sample.
 
     Returns:
@@ -167,7 +181,8 @@ def under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle
     return Bumps(
         recording=recording,
         samples=samples,
-        motion=np.einsum("bs,bsk->bk", weight * times, _motion(recording, is_angle)[samples]),
+        middle=middle,
+        motion=np.einsum("bs,bsk->bk", weight * times, _motion(recording, is_angle, middle)[samples]),
         gained=-np.einsum("bs,bsk->bk", slope * times, recording.rates[samples]),
         cells=times,
         given=np.concatenate([np.zeros((1, us.shape[1])), sums]),
@@ -175,9 +190,9 @@ def under_bumps(recording: Trajectory, samples: Int[np.ndarray, "B s"], is_angle
     )
 
 
-def _motion(recording: Trajectory, is_angle: np.ndarray) -> Float[np.ndarray, "T k"]:
+def _motion(recording: Trajectory, is_angle: np.ndarray, middle: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T k"]:
     """What accelerates a mechanism beside its inputs, up to factors."""
-    q, v = recording.q, recording.rates
+    q, v = recording.q - middle, recording.rates
     usual = np.maximum(np.sqrt(np.mean(v**2, axis=0)), np.finfo(float).tiny)
     places = [np.where(is_angle, np.cos(q), q), np.where(is_angle, np.sin(q), q**2), np.where(is_angle, 0.0, q**3)]
     friction = [v, np.tanh(v / (_SHARP * usual)), v * np.abs(v)]

@@ -12,8 +12,8 @@ from ._dataset import Dataset
 from ._findings import Kind
 from ._trajectory import Trajectory, usual_step
 
-_LENGTHS: Final = (1e3, 1e-3, 1e2, 1e-2)  # Millimetres, centimetres.
-_INPUTS: Final = (1e3, 1e-3)  # Milliamperes, newton millimetres.
+_LENGTHS: Final = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1, 25.4, 1 / 25.4)  # Millimetres, centimetres, inches beside these.
+_INPUTS: Final = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1)  # Milliamperes, newton millimetres, newton centimetres.
 _DEGREES: Final = 180 / np.pi
 _FINEST, _LONGEST = 0.01, 0.1  # [s] between delays that are tried, if not a step; the longest one.
 
@@ -94,13 +94,21 @@ def _factors(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[Cha
             yield times(-1.0, "sign", columns, some, f"the sign of {words} is turned")
             for factor in units:
                 yield times(factor, "unit", columns, some, f"{words} {verb} taken times {factor:g}")
-    if lengths := np.flatnonzero(~is_angle).tolist():
+    for some, words in _alike(dataset.position_names, ~is_angle, "lengths"):
         for factor in _LENGTHS:
-            words = f"lengths and their velocities are taken times {factor:g}"
-            yield times(factor, "unit", positions, lengths, words)
-    if angles := np.flatnonzero(is_angle).tolist():
-        yield times(1 / _DEGREES, "unit", positions, angles, "angles are taken to be in degrees")
-        yield times(_DEGREES, "unit", positions, angles, "angles are taken to be in radians")
+            yield times(factor, "unit", positions, some, f"{words} are taken times {factor:g}")
+    for some, words in _alike(dataset.position_names, is_angle, "angles"):
+        yield times(1 / _DEGREES, "unit", positions, some, f"{words} are taken to be in degrees")
+        yield times(_DEGREES, "unit", positions, some, f"{words} are taken to be in radians")
+
+
+def _alike(names: Sequence[str], which: Bool[np.ndarray, " n"], word: str) -> Iterator[tuple[list[int], str]]:
+    """Positions of a kind, all and each, with words for them."""
+    every = np.flatnonzero(which).tolist()
+    if len(every) > 1:
+        yield every, f"{word} and their velocities"
+    for i in every:
+        yield [i], f"`{names[i]}` and its velocity"
 
 
 def _orders(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[Change]:

@@ -169,11 +169,12 @@ def _together(
     except DataError as error:
         return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.
     inputs = find_wrong_inputs(dataset, description, is_angle)
-    doubted = any(one.kind == "delay" and one.level == "warning" for one in inputs)
+    late = [one for one in inputs if one.kind == "delay"]
+    doubted = any(one.level == "warning" for one in late)
     feedback = [] if doubted else find_feedback(dataset, is_angle)  # By a delay far off inputs seem to be fed back.
     pace = *find_slow_sampling(dataset, is_angle), *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
-    contradictions = find_contradictions(dataset, is_angle)
+    contradictions = find_contradictions(dataset, is_angle, late=bool(late))
     return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *inputs, *contradictions]
 
 

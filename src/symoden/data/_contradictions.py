@@ -1,6 +1,5 @@
 """Files that agree with the others only once something is changed."""
 
-import functools
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Final, NamedTuple
@@ -12,6 +11,7 @@ from ._bumps import MOST, Bumps, Rows, bumps_of, stacked, under_bumps
 from ._changes import Change, changes_of
 from ._dataset import Dataset
 from ._findings import Finding
+from ._strangers import Stranger, find_strangers
 
 _WELL: Final = 0.1  # Share of the accelerations' mean square that is left: the others tell the file well as it is.
 _MOST: Final = 0.5  # The same: they tell most of it.
@@ -114,13 +114,21 @@ class _File:
         self.told = _Told.of(stacked(recordings))
         self.inputs = recordings[0].given.shape[1]
         self._recordings, self._is_angle, self._held = recordings, is_angle, held
+        self._mended: dict[Change, _Told] = {}
 
-    @functools.cache  # noqa: B019 - A file lives as long as the search does.
     def mended(self, change: Change) -> _Told:
         """What it tells with a change."""
+        if change not in self._mended:
+            self._mended[change] = self._told_with(change)
+        return self._mended[change]
+
+    def _told_with(self, change: Change) -> _Told:
+        """The same, computed."""
         stride = max(1, self.told.bumps // _CHANGED)
         parts = [
-            under_bumps(change.mend(each.recording), each.samples[::stride], self._is_angle, held=self._held)
+            under_bumps(
+                change.mend(each.recording), each.samples[::stride], self._is_angle, each.middle, held=self._held
+            )
             for each in self._recordings
         ]
         rows = stacked(parts, change.delay)
@@ -144,23 +152,25 @@ class _Answer(NamedTuple):
 _Files = Mapping[str, _File]
 
 
-def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
-    """Say which files agree with the others only after a change of sign, unit, columns or delay.
+def find_contradictions(dataset: Dataset, is_angle: np.ndarray, *, late: bool = False) -> list[Finding]:
+    """Say which files agree with the others only after a change of sign, unit, columns or delay, or not at all.
 
     A column is turned, written in another unit, exchanged with another one, or late from one day to the next. A model
     learns the mean of both, and no single file looks wrong. Accelerations under bumps are explained by functions of
     single positions, friction, products of velocities and the inputs, which may turn with angles. A file is named if
     what the others tell explains most of its accelerations with one such change, and leaves three times as much
-    without; of a delay it must tell as much by itself.
+    without; of a delay it must tell as much by itself. Of the rest, files are named that are nothing like the others
+    whatever is changed (`find_strangers`).
 
     Args:
         dataset: Recordings as training sees them.
         is_angle: Whether each coordinate is an angle.
+        late: Whether all inputs are known to act at another time: then no file's delay is looked for.
 
     Returns:
         One finding for each file.
     """
-    if not dataset.inputs or dataset.momenta:
+    if dataset.momenta:
         return []
     parts = {id(each): part for part in ("train", "validation", "test") for each in getattr(dataset, part)}
     names = {id(each): f"`{each.name.split('#')[0]}` ({parts[id(each)]})" for each in dataset.recordings}
@@ -169,11 +179,18 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]
     held = dataset.hold == "zero"
     for bumps in bumps_of(dataset.recordings, is_angle, held=held, most=most):
         files.setdefault(names[id(bumps.recording)], []).append(bumps)
-    every = {name: _File(recordings, is_angle, held=held) for name, recordings in files.items()}
-    odd, pair = _odd_ones(
-        {name: each for name, each in every.items() if each.told.bumps >= _FEWEST}, changes_of(dataset, is_angle)
-    )
-    return [_finding(name, odd[name], pair) for name in every if name in odd]
+    odd, pair = {}, ()
+    if dataset.inputs:
+        every = {name: _File(recordings, is_angle, held=held) for name, recordings in files.items()}
+        telling = {name: each for name, each in every.items() if each.told.bumps >= _FEWEST}
+        changes = [each for each in changes_of(dataset, is_angle) if not (late and each.delay)]
+        odd, pair = _odd_ones(telling, changes)
+    rest = {name: stacked(recordings) for name, recordings in files.items() if name not in odd and name not in pair}
+    strangers = find_strangers(rest)
+    return [
+        *(_finding(name, odd[name], pair) for name in files if name in odd),
+        *(_stranger(name, strangers[name], pair=len(rest) == 2) for name in files if name in strangers),
+    ]
 
 
 def _odd_ones(files: _Files, changes: Sequence[Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
@@ -266,4 +283,18 @@ def _finding(name: str, answer: _Answer, pair: tuple[str, ...]) -> Finding:
         text=f"{name} moves as {like} only if {words}: then these tell {1 - answer.left:.0%} of its accelerations, and "
         f"{f'{1 - answer.as_it_is:.0%}' if answer.as_it_is < 1 else 'nothing'} as it is",
         advice="A model would learn the mean of both. Mend the file (`units` are those of all files), or leave it out.",
+    )
+
+
+def _stranger(name: str, found: Stranger, *, pair: bool) -> Finding:
+    """What to say of a file that is like the others in nothing."""
+    others = "the other recording" if pair else "the other recordings"
+    return Finding(
+        kind="unlike",
+        level="warning",
+        channel="",
+        text=f"{name} moves otherwise than {others}: of its accelerations {'it tells' if pair else 'these tell'} "
+        f"{max(0.0, 1 - found.left):.0%}, and its own halves each other {1 - found.own:.0%}",
+        advice="A model would learn the mean of both. If it had another payload, supply, motor or friction, or a "
+        "sensor another zero, leave it out, or train a model of it alone.",
     )

@@ -73,7 +73,8 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
     inputs = find_wrong_inputs(dataset, description, is_angle)
-    for finding in (*find_copies(logs), *inputs, *find_contradictions(dataset, is_angle)):
+    late = any(one.kind == "delay" for one in inputs)
+    for finding in (*find_copies(logs), *inputs, *find_contradictions(dataset, is_angle, late=late)):
         if finding.level == "warning":
             warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
