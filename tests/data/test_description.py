@@ -111,6 +111,11 @@ BAD = [
     (f"{LEAST}split_every = -1\n", r"\[train\] `split_every` must be a positive number"),
     (LEAST.replace('[train]\nfiles = ["a.csv"]', ""), r"\[train\] or \[test\] must name `files`; got neither"),
     ("train = 1\n" + LEAST.replace('[train]\nfiles = ["a.csv"]', ""), r"\[train\] must be a table; got 1"),
+    (
+        with_top("position_delay = -0.1"),
+        r"`position_delay` must be .*, at least 0.* `input_delay` below zero",
+    ),
+    (with_top('input_delay = "0.1"'), r"`input_delay` must be a number of seconds, or a list of one each; below zero"),
     (with_top("hold = zero"), r"reading stopped at: .*line 1.*, in `hold = zero`\. Names .* in quotation marks\.$"),
     (with_top("hold = '"), r"must be a TOML file; reading stopped at: .*\(at end of document\)\.$"),
 ]

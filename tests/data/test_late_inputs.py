@@ -17,7 +17,7 @@ def pendulum(path, delay, *, seed=0, samples=2000, noise=1e-3, step=STEP, fricti
     ts = step * np.arange(samples)
     u = np.repeat(rng.uniform(-2, 2, samples // 50 + 1), 50)[:samples]
     late = round(delay / step)
-    acts = np.concatenate([np.zeros(late), u])[:samples]
+    acts = np.concatenate([np.zeros(max(0, late)), u[max(0, -late) :], np.zeros(max(0, -late))])[:samples]
     states = np.zeros((samples, 2))
     for k in range(samples - 1):
         q, v = states[k]
@@ -100,6 +100,23 @@ def test_an_input_that_acts_at_once_needs_no_delay(tmp_path):
     (one,) = described(tmp_path, "input_delay = 0.032")
     assert "0.032 s sooner" in one.text
     assert one.advice.startswith("Try without `input_delay`")
+
+
+@pytest.mark.parametrize("delay", [-0.02, -0.04])
+def test_an_input_that_was_logged_late_is_named_and_can_be_told(tmp_path, delay):
+    pendulum(tmp_path, delay)
+    (one,) = described(tmp_path)
+    assert f"{-delay:g} s before their rows" in one.text
+    assert advised(one) == pytest.approx(delay, abs=1e-3)
+    assert described(tmp_path, f"input_delay = {delay}") == []
+    (rest,) = described(tmp_path, "input_delay = 0.02")
+    assert advised(rest) == pytest.approx(delay, abs=1e-3)
+
+
+def test_a_delay_in_another_unit_is_named_as_well(tmp_path):
+    pendulum(tmp_path, 0.02, samples=4000)
+    (one,) = described(tmp_path, "input_delay = 5")
+    assert advised(one) == pytest.approx(0.02, abs=1e-3)
 
 
 def test_a_delay_that_explains_little_more_is_a_note(tmp_path):

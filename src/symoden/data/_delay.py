@@ -18,7 +18,8 @@ def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Liter
     With hold "zero" the delayed signal changes between the time stamps. Each sample then takes its mean over the time
     to the next sample, the integral being exact: every impulse ∫u dt is kept at any time stamps and nothing is aliased.
     With hold "linear" it is interpolated. What acted on the first samples was logged before the recording began; they
-    are left out, since any value put there would be learned as physics.
+    are left out, since any value put there would be learned as physics. A delay below zero is the log's own: a filter,
+    or a mean that is stamped at its end, tells what acted a while ago. Then the last samples are left out.
 
     Args:
         trajectory: The recording, before it is resampled.
@@ -26,7 +27,7 @@ def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Liter
         hold: What an input is between samples.
 
     Returns:
-        The recording from the first sample on whose inputs are all known.
+        The recording of the samples whose inputs are all known.
 
     Raises:
         DataError: If their number is wrong, or a delay leaves less than two samples.
@@ -39,23 +40,24 @@ def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Liter
         )
     if not us.shape[1] or not any(delays):
         return trajectory
-    longest = max(delays)
-    first = int(np.searchsorted(ts, ts[0] + longest * (1 - 1e-12)))
-    if len(ts) - first < 2:
+    late, early = max(0.0, *delays), max(0.0, *(-delay for delay in delays))
+    first = int(np.searchsorted(ts, ts[0] + late * (1 - 1e-12)))
+    stop = int(np.searchsorted(ts, ts[-1] - early * (1 - 1e-12), side="right"))
+    if stop - first < 2:
         raise DataError(
-            f"`{trajectory.name}`: `input_delay` must be shorter than the recording; got {longest} s for "
-            f"{trajectory.duration:.6g} s. Give it in seconds."
+            f"`{trajectory.name}`: `input_delay` must be shorter than the recording; got "
+            f"{late if late > early else -early} s for {trajectory.duration:.6g} s. Give it in seconds."
         )
     elapsed = ts - ts[0]
-    steps = np.diff(elapsed, append=2 * elapsed[-1] - elapsed[-2])[first:, None]
+    steps = np.diff(elapsed, append=2 * elapsed[-1] - elapsed[-2])[first:stop, None]
     columns = []
     for column, delay in zip(us.T, np.broadcast_to(delays, us.shape[1]), strict=True):
-        at = np.maximum(elapsed[first:] - delay, 0.0)
+        at = np.clip(elapsed[first:stop] - delay, 0.0, elapsed[-1])
         if hold == "zero":
             columns.append(held_mean(elapsed, column[:, None], at, steps))
         else:
             columns.append(centred_mean(elapsed, column[:, None], at, 0.0))
-    kept = trajectory.cut(first, len(ts), name=trajectory.name)
+    kept = trajectory.cut(first, stop, name=trajectory.name)
     return dataclasses.replace(kept, us=np.concatenate(columns, axis=1))
 
 

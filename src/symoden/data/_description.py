@@ -78,7 +78,8 @@ class Description:
             An empty list says that it has no such spot, where one would be found.
         hold: What an input is between samples.
         input_delay: Constant transport delay of the inputs [s], one for all or one each: the input that acts at t is
-            the one that was logged at t − delay. The first samples, whose inputs were not logged, are left out.
+            the one that was logged at t − delay. The first samples, whose inputs were not logged, are left out; where
+            inputs were logged late the delay is below zero, and the last ones are.
         position_delay: Constant delay of the positions [s], one for all or one each: what was logged at t was so at
             t − delay. The last samples, whose positions were not logged any more, are left out.
         resample: Step of the uniform grid to bring recordings to [s].

@@ -14,6 +14,7 @@ from ._trajectory import usual_step
 
 _LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less;
 _STEPS: Final = 5  # and as many steps where these take longer.
+_SOONER: Final = 0.05  # [s], or two steps where these take longer, by which filters and stamps of means are late.
 _FINEST: Final = 0.005  # [s] between delays that are tried; half a step else.
 _LESS: Final = (
     0.5  # Share of what was left that is left with the delay: 0.3 on a measured aeropendulum, elsewhere 0.67.
@@ -54,7 +55,7 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     means = np.mean(left, axis=1)
     said, best = int(np.searchsorted(every, 0.0)), int(np.argmin(means))
     between = means[min(said, best) : max(said, best)]
-    clear = abs(every[best]) > step / 2 and best < len(every) - 1
+    clear = abs(every[best]) > step / 2 and 0 < best < len(every) - 1
     less = means[best] <= min(_EXPLAINED, _LESS * means[said])
     if not (clear and less) or (left[best] > 1.05 * left[said]).any() or between.max() > _WORSE * means[said]:
         return []
@@ -62,10 +63,12 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
 
 
 def _shifts(step: float, told: float) -> Float[np.ndarray, " d"]:
-    """What to add to delays [s], in order: from none at all to the longest that is looked for."""
-    spacing = max(step / 2, _FINEST)
-    longer = np.arange(0.0, max(_LONGEST, _STEPS * step), spacing)
-    return np.concatenate([[-told], -np.arange(spacing, told, spacing)[::-1], longer])[0 if told > 0 else 1 :]
+    """What to add to a delay [s], in order: what leads to none, to usual ones, and to what is near."""
+    spacing, longest = max(step / 2, _FINEST), max(_LONGEST, _STEPS * step)
+    sooner = max(_SOONER, 2 * step)
+    usual = spacing * np.arange(np.ceil((-sooner - told) / spacing), (longest - told) / spacing)
+    near = spacing * np.arange(-np.floor(min(longest, max(told + sooner, 0.0)) / spacing), longest / spacing)
+    return np.unique(np.round([-told, *usual, *near], 9))
 
 
 def _finding(dataset: Dataset, delays: Sequence[float], change: float, *, now: float, then: float) -> Finding:
@@ -73,14 +76,18 @@ def _finding(dataset: Dataset, delays: Sequence[float], change: float, *, now: f
     total = [float(f"{each + change:.4g}") for each in delays]
     told = f"{total[0]:g}" if len(total) == 1 else f"[{', '.join(f'{each:g}' for each in total)}]"
     wrong = now > _MUCH and then <= _FAR_LESS * now
-    when = f"{abs(change):.4g} s {'late' if change > 0 else 'sooner than `input_delay` says'}"
+    sooner = "sooner than `input_delay` says" if any(delays) else "before their rows"
+    when = f"{abs(change):.4g} s {'late' if change > 0 else sooner}"
+    why = ": by drives, networks or slow actuators. " if change > 0 else ". "
+    if min(total) < 0:
+        why = ": by filters, or means that are stamped at their end. "
     return Finding(
         kind="delay",
         level="warning" if wrong else "note",
         channel=dataset.input_names[0] if dataset.inputs == 1 else "",
         text=f"in [train] accelerations follow the inputs best {when}: {100 * now:.2g}% of their variance is "
-        f"unexplained {'without' if change > 0 else 'as it is'}, {100 * then:.2g}% with such a delay",
+        f"unexplained {'without' if change > 0 else 'as they are'}, {100 * then:.2g}% with such a delay",
         advice=(f"Try `input_delay = {told}`" if any(total) else "Try without `input_delay`")
-        + (": by drives, networks or slow actuators. " if change > 0 else ". ")
+        + why
         + "Errors of recordings held out of training tell whether it is better.",
     )

@@ -49,7 +49,7 @@ def rows_to_use(
         rows_in_spots(log, spots, is_angle),
         stuck,
         resample=description.resample,
-        delay=max(description.input_delay) + max(description.position_delay),
+        delay=np.ptp([0.0, *description.input_delay]) + max(description.position_delay),
     )
     if len(chosen.pieces[0]) < 2:
         raise DataError(

@@ -163,18 +163,20 @@ def _are_intervals(value: object) -> bool:
 
 
 def _delays(value: object) -> tuple[float, ...]:
-    """Seconds from 0 on, one or several."""
-    seconds = [
-        float(item)
-        for item in (value if isinstance(value, list) else [value])
-        if isinstance(item, int | float) and _is_number(item) and item >= 0
-    ]
-    if not seconds or len(seconds) != (len(value) if isinstance(value, list) else 1):
-        _fail(
-            "a number of seconds, at least 0, or a list of one each; where inputs seem to act before their row, "
-            "positions are late: `position_delay`"
-        )
+    """Seconds, one number or several."""
+    items = value if isinstance(value, list) else [value]
+    seconds = [float(item) for item in items if isinstance(item, int | float) and _is_number(item)]
+    if not seconds or len(seconds) != len(items):
+        _fail("a number of seconds, or a list of one each; below zero where inputs act before their row")
     return tuple(seconds)
+
+
+def _lags(value: object) -> tuple[float, ...]:
+    """Seconds from 0 on, one number or several."""
+    seconds = _delays(value) if isinstance(value, list | int | float) else ()
+    if not seconds or min(seconds) < 0:
+        _fail("a number of seconds, at least 0, or a list of one each; where inputs are late: `input_delay` below zero")
+    return seconds
 
 
 def _matrix(value: object) -> tuple[tuple[float, ...], ...]:
@@ -234,7 +236,7 @@ KEYS: Final[dict[str, Check]] = {
     "blind": _blind,
     "hold": _hold,
     "input_delay": _delays,
-    "position_delay": _delays,
+    "position_delay": _lags,
     "resample": _positive,
     "input_matrix": _matrix,
     "initial_samples": _count,

@@ -272,6 +272,9 @@ def _sandwich(
     In units in which every prior is as wide, and in the eigenbasis of JᵀJ, the inverse is one of numbers, so that what
     is known best and worst lose no digits to each other.
 
+    What one window alone tells it is fitted to, so that its score is zero and the sandwich holds it for certain: along
+    no combination of parameters is the covariance less than that of independent residuals.
+
     Returns:
         Both.
     """
@@ -281,9 +284,8 @@ def _sandwich(
     eigenvalues, basis = scipy.linalg.eigh(squares)
     known = np.maximum(eigenvalues, 0.0) / (inflation * variance)
     scores = basis.T @ spread @ basis / (inflation * variance**2) * windows / (windows - 1)
-    values, vectors = scipy.linalg.eigh(scores)
-    root = np.concatenate([vectors * np.sqrt(np.maximum(values, 0.0)), np.sqrt(least) * np.eye(len(known))], axis=1)
-    half = root / (known + least)[:, None]
-    # P columns do for 2 P: the triangular factor of the transpose.
-    triangle = np.asarray(np.linalg.qr(half.T, mode="r"))
-    return unit[:, None] * (basis @ triangle.T), float(np.sum(known / (known + least)))
+    deviation = 1 / np.sqrt(known + least)  # Of independent residuals.
+    filling = np.outer(deviation, deviation) * (scores + least * np.eye(len(known)))
+    ratios, vectors = scipy.linalg.eigh(filling)
+    half = deviation[:, None] * vectors * np.sqrt(np.maximum(ratios, 1.0))
+    return unit[:, None] * (basis @ half), float(np.sum(known / (known + least)))
