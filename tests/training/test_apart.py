@@ -176,7 +176,7 @@ def test_steps_that_fit_better_are_no_reason_to_go_on_once_validation_is_lost(ju
     dataset = recorded(2)
     _, data, _ = apart(dataset)
     stage = LevenbergStage(data, CONFIG, "growth", 5, frees=True)
-    equations = NormalEquations(*np.zeros((2, 1, 1)), residuals=np.ones((1, 1, 1)), spread=np.zeros((1, 1)))
+    equations = NormalEquations(*np.zeros((2, 1, 1)), residuals=np.ones((1, 1, 1)), scores=np.zeros((1, 1)))
     step = LevenbergStep(1.0, 0.5, accepted=True, equations=equations)
     assert stage.gains(step, judged, 1.0) == goes_on
     assert dataclasses.replace(stage, frees=False).gains(step, judged, 1.0) == (judged < 1)

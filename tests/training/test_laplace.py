@@ -82,19 +82,80 @@ def test_quantities_vary_by_the_rule_of_the_chain(pendulum, monkeypatch):
 
 
 @given(seed=st.integers(0, 2**32 - 1), prior=st.floats(0.1, 10.0), inflation=st.floats(1.0, 5.0))
-def test_the_covariance_is_the_sandwich_and_without_information_the_prior(seed, prior, inflation):
+def test_the_covariance_is_the_sandwich_but_no_less_than_of_independent_residuals(seed, prior, inflation):
     generator = np.random.default_rng(seed)
     J, scores = generator.normal(size=(5, 3, 4)) * [1.0, 2.0, 0.5, 0.0], generator.normal(size=(5, 4)) * [1, 1, 1, 0]
     variance, squares = 0.3, np.einsum("wri,wrj->ij", J, J)
-    spread = scores.T @ scores
     priors = prior * np.array([1.0, 30.0, 0.2, 4.0])
-    factor, effective = _sandwich(squares, spread, windows=5, variance=variance, inflation=inflation, prior=priors)
     bread = np.linalg.inv(squares / (inflation * variance) + np.diag(priors))
-    filling = 5 / 4 * spread / (inflation * variance**2) + np.diag(priors)
-    expected = bread @ filling @ bread
-    assert factor @ factor.T == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
-    assert (factor @ factor.T)[3, 3] == pytest.approx(1 / priors[3], rel=1e-9)
-    assert effective == pytest.approx(np.trace(bread @ squares) / (inflation * variance), rel=1e-9)
+
+    def both(scores):
+        factor, effective = _sandwich(squares, scores, variance=variance, inflation=inflation, prior=priors)
+        assert effective == pytest.approx(np.trace(bread @ squares) / (inflation * variance), rel=1e-9)
+        filling = 5 / 4 * scores.T @ scores / (inflation * variance**2) + np.diag(priors)
+        return factor @ factor.T, bread @ filling @ bread
+
+    covariance, sandwich = both(scores)
+    for least in (bread, sandwich):
+        assert np.linalg.eigvalsh(covariance - least).min() > -1e-9 * np.abs(covariance).max()
+    assert covariance[3, 3] == pytest.approx(1 / priors[3], rel=1e-9)  # Without information the prior.
+    assert both(0 * scores)[0] == pytest.approx(bread, rel=1e-6, abs=1e-9 * np.abs(bread).max())
+    large = 1e3 * np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1], [1, 1, 1, 1]])
+    covariance, sandwich = both(large)
+    assert covariance == pytest.approx(sandwich, rel=1e-6, abs=1e-9 * np.abs(sandwich).max())
+
+
+def coverage(draw, *, recording=None, draws=200):
+    """How often a band of 90 % covers what least squares find of the true numbers, which are zero."""
+    covered, generator = [], np.random.default_rng(0)
+    for _ in range(draws):
+        J, y = draw(generator)
+        squares = np.einsum("wrp,wrq->pq", J, J)
+        found = np.linalg.solve(squares, np.einsum("wrp,wr->p", J, y))
+        left = y - J @ found
+        scores, prior = np.einsum("wrp,wr->wp", J, left), np.full(len(found), 1e-6)
+        variance = float(np.mean(left**2))
+        factor, effective = _sandwich(
+            squares, scores, variance=variance, inflation=1.0, prior=prior, recording=recording
+        )
+        posterior = Laplace(
+            restore=lambda theta: theta, theta=found, windows=len(J), factor=factor, effective=effective
+        )
+        covered.append(np.abs(found) <= posterior.quantile(0.9) * np.linalg.norm(factor, axis=1))
+    return np.mean(covered, axis=0)
+
+
+@pytest.mark.parametrize("windows", [5, 8, 20])
+def test_bands_from_few_windows_cover_what_they_say(windows):
+    def draw(generator):
+        J = generator.normal(size=(windows, 30, 4))
+        alike = 0.3 * generator.normal(size=(windows, 4))  # What is wrong with the model in each window.
+        return J, np.einsum("wrp,wp->wr", J, alike) + 0.3 * generator.normal(size=(windows, 30))
+
+    assert coverage(draw, draws=300).mean() == pytest.approx(0.9, abs=0.025)
+
+
+@pytest.mark.parametrize("windows", [1, 2, 3, 5, 20])
+def test_what_few_windows_tell_is_no_surer_than_they_make_it(windows):
+    def draw(generator):
+        J = generator.normal(size=(20, 50, 2))
+        J[windows:, :, 1] = 0.0
+        return J, generator.normal(size=(20, 50))
+
+    covered = coverage(draw)
+    assert (covered > 0.84).all()  # 0.05 of one window by the sandwich alone.
+    assert (covered < 0.98).all()
+
+
+@pytest.mark.parametrize("alike", [0.0, 1.0])
+@pytest.mark.parametrize("each", [1, 5, 20])
+def test_bands_are_as_wide_as_recordings_disagree(alike, each):
+    def draw(generator):
+        J, own = generator.normal(size=(8 * each, 30, 4)), alike * generator.normal(size=(8, 4))
+        return J, np.einsum("wrp,wp->wr", J, np.repeat(own, each, axis=0)) + generator.normal(size=(8 * each, 30))
+
+    covered = coverage(draw, recording=np.repeat(np.arange(8), each), draws=100).mean()
+    assert 0.82 < covered < 0.97  # 0.28 of twenty windows if they were taken to be independent.
 
 
 @pytest.mark.parametrize(("times", "wider"), [(0.5, 1.0), (3.0, 3.0)])
@@ -144,32 +205,6 @@ def test_errors_that_add_up_count_as_what_is_new_in_them_where_training_learns_p
     least = sigma / np.sqrt(25 * steps)  # Of the regression of accelerations, whose errors are independent, on inputs.
     assert learning == pytest.approx(least, rel=0.2)
     assert plain > 2 * least
-
-
-@pytest.mark.parametrize("windows", [5, 8, 20])
-def test_bands_from_few_windows_cover_what_they_say(windows):
-    generator, covered, size = np.random.default_rng(0), [], 4
-    for _ in range(300):
-        J = generator.normal(size=(windows, 30, size))
-        alike = 0.3 * generator.normal(size=(windows, size))  # What is wrong with the model in each window.
-        y = np.einsum("wrp,wp->wr", J, alike) + 0.3 * generator.normal(size=(windows, 30))
-        squares = np.einsum("wrp,wrq->pq", J, J)
-        theta = np.linalg.solve(squares, np.einsum("wrp,wr->p", J, y))  # The truth is zero.
-        r = y - J @ theta
-        scores = np.einsum("wrp,wr->wp", J, r)
-        factor, effective = _sandwich(
-            squares,
-            scores.T @ scores,
-            windows=windows,
-            variance=float(np.mean(r**2)),
-            inflation=1.0,
-            prior=np.full(size, 1e-6),
-        )
-        posterior = Laplace(
-            restore=lambda theta: theta, theta=theta, windows=windows, factor=factor, effective=effective
-        )
-        covered.append(np.abs(theta) < posterior.quantile(0.9) * np.linalg.norm(factor, axis=1))
-    assert np.mean(covered) == pytest.approx(0.9, abs=0.025)
 
 
 def test_rollouts_that_diverge_tell_nothing(pendulum, small, quick, scrambled):

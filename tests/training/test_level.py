@@ -81,7 +81,7 @@ def test_what_fitting_many_parameters_has_used_up_is_not_taken_for_less_noise(sh
             rows.T @ rows / len(rows),
             scores.sum(axis=0) / len(rows),
             residuals.reshape(windows, samples, 1),
-            scores.T @ scores,
+            scores,
         )
         variances.append(independent_variance(equations))
         losses.append(equations.loss)

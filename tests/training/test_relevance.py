@@ -33,7 +33,7 @@ def equations_of(theta, *, copies=1, seed=0, windows=WINDOWS, rows=ROWS):
     r = X @ (theta - true) - noise
     scores = np.einsum("wrp,wr->wp", X, r)
     flat = X.reshape(-1, len(theta))
-    return NormalEquations(flat.T @ flat / r.size, scores.sum(axis=0) / r.size, r, scores.T @ scores)
+    return NormalEquations(flat.T @ flat / r.size, scores.sum(axis=0) / r.size, r, scores)
 
 
 def linear(size):

@@ -29,12 +29,14 @@ class Windows:
         q: Positions.
         rates: Velocities or momenta.
         us: Inputs.
+        recording: Number of the recording that each was cut out of.
     """
 
     ts: WindowTimes
     q: WindowCoordinates
     rates: WindowCoordinates
     us: WindowInputs
+    recording: Int[np.ndarray, " B"]
 
     def __len__(self) -> int:
         """Number of windows B."""
@@ -42,7 +44,13 @@ class Windows:
 
     def take(self, index: Int[np.ndarray, " k"] | Bool[np.ndarray, " B"]) -> "Windows":
         """Choose windows."""
-        return Windows(ts=self.ts[index], q=self.q[index], rates=self.rates[index], us=self.us[index])
+        return Windows(
+            ts=self.ts[index],
+            q=self.q[index],
+            rates=self.rates[index],
+            us=self.us[index],
+            recording=self.recording[index],
+        )
 
 
 def windows(trajectories: Sequence[Trajectory], horizon: int, *, stride: int = 1) -> Windows:
@@ -77,11 +85,13 @@ def windows(trajectories: Sequence[Trajectory], horizon: int, *, stride: int = 1
                 f"got {len(trajectory)} samples. Take a shorter horizon, or leave the recording out."
             )
     ts = _stacked([trajectory.ts for trajectory in trajectories], horizon + 1, stride)
+    counts = [(len(trajectory) - 1 - horizon) // stride + 1 for trajectory in trajectories]
     return Windows(
         ts=ts - ts[:, :1],
         q=_stacked([trajectory.q for trajectory in trajectories], horizon + 1, stride),
         rates=_stacked([trajectory.rates for trajectory in trajectories], horizon + 1, stride),
         us=_stacked([trajectory.us for trajectory in trajectories], horizon + 1, stride),
+        recording=np.repeat(np.arange(len(trajectories)), counts),
     )
 
 

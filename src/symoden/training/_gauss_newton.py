@@ -39,13 +39,13 @@ class NormalEquations(NamedTuple):
         matrix: Mean of JᵀJ over the residuals.
         gradient: Mean of Jᵀr.
         residuals: The residuals r of every window.
-        spread: Sum over the windows of (Jᵀr)(Jᵀr)ᵀ, each window's own; how much they disagree about the parameters.
+        scores: Jᵀr of every window; how much they disagree about the parameters.
     """
 
     matrix: np.ndarray
     gradient: np.ndarray
     residuals: np.ndarray
-    spread: np.ndarray
+    scores: np.ndarray
 
     @property
     def loss(self) -> float:
@@ -156,19 +156,17 @@ class Linearization:
         """
         residuals = np.asarray(self.found.residuals, float)
         size = self.theta.size
-        matrix, spread = np.zeros((2, size, size))
-        gradient = np.zeros(size)
+        matrix, gradient, scores = np.zeros((size, size)), np.zeros(size), np.zeros((len(residuals), size))
         # Callers see that the sums are not finite.
         with threadpool_limits(_threads(size), user_api="blas"), np.errstate(over="ignore", invalid="ignore"):
             for some, block in self._blocks():
                 J, r = block.astype(float), residuals[some]
-                pulls = np.einsum("wrp,wr->wp", J, r.reshape(len(r), -1), optimize=True)
+                scores[some] = np.einsum("wrp,wr->wp", J, r.reshape(len(r), -1), optimize=True)
                 J = J.reshape(-1, size)
                 matrix += J.T @ J
-                spread += pulls.T @ pulls
-                gradient += pulls.sum(axis=0)
+                gradient += scores[some].sum(axis=0)
         count = residuals.size
-        return NormalEquations(matrix / count, gradient / count, residuals, spread)
+        return NormalEquations(matrix / count, gradient / count, residuals, scores)
 
     def residuals(self, theta: Float[np.ndarray, " P"]) -> Float[np.ndarray, "B k o"]:
         """Residuals at a point nearby, from the starts that are best there.

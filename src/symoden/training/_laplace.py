@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 import scipy.stats
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from symoden.blocks import DIRECTIONS, FRICTION, JointFriction, count_parameters
 from symoden.data import Dataset
@@ -34,6 +34,7 @@ from ._weighing import Weighing
 
 _SUBSTEPS = 4
 _UNEVEN: Final = 0.1  # Of friction: what it may differ by between the directions, where no difference was kept.
+_FEWEST_RECORDINGS: Final = 3  # That tell how much they differ.
 _DEVIATIONS = 48  # A standard deviation from so many is 10 % right.
 
 
@@ -96,7 +97,9 @@ def infer_posterior(
     quite right, so that the covariance is H⁻¹ (W/(W−1) Σ_w s_w s_wᵀ + λ I) H⁻¹ with the scores s_w = J_wᵀ r_w / σ² of
     the W windows (the sandwich of Huber and White, by windows; at the optimum the scores sum to zero). σ² is the larger
     of the mean squared residuals on the training and on the validation data, and the r_w are scaled up to it: a model
-    that follows its training data more closely than others is not more certain.
+    that follows its training data more closely than others is not more certain. What one window alone tells it is
+    fitted to, and its score is zero: along no combination of parameters is the covariance less than H⁻¹. Where three
+    recordings or more disagree by more than independent windows would, all is wider by that design effect.
 
     Residuals are weighed as they are while priors are learned: by what is new in them.
 
@@ -156,11 +159,11 @@ def infer_posterior(
         )
     factor, effective = _sandwich(
         equations.matrix * equations.residuals.size,
-        equations.spread,
-        windows=windows,
+        equations.scores,
         variance=equations.loss,
         inflation=max(1.0, (elsewhere or 0.0) / max(equations.loss, np.finfo(float).tiny)),
         prior=prior,
+        recording=None if data.train.recording is None else np.asarray(data.train.recording),
     )
     return Laplace(
         restore=restore.lean(theta),
@@ -260,12 +263,12 @@ def _mean_directions(friction: JointFriction, q: Float[Array, "W n"]) -> Float[A
 
 def _sandwich(
     squares: Float[np.ndarray, "P P"],
-    spread: Float[np.ndarray, "P P"],
+    scores: Float[np.ndarray, "W P"],
     *,
-    windows: int,
     variance: float,
     inflation: float,
     prior: Float[np.ndarray, " P"],
+    recording: Int[np.ndarray, " W"] | None = None,
 ) -> tuple[Float[np.ndarray, "P P"], float]:
     """A factor of the covariance, and the number of effective parameters.
 
@@ -280,12 +283,34 @@ def _sandwich(
     """
     least = float(prior.min())
     unit = np.sqrt(least / prior)
-    squares, spread = (np.outer(unit, unit) * matrix for matrix in (squares, spread))
-    eigenvalues, basis = scipy.linalg.eigh(squares)
-    known = np.maximum(eigenvalues, 0.0) / (inflation * variance)
-    scores = basis.T @ spread @ basis / (inflation * variance**2) * windows / (windows - 1)
+    eigenvalues, basis = scipy.linalg.eigh(np.outer(unit, unit) * squares)
+    eigenvalues, scores = np.maximum(eigenvalues, 0.0), (scores * unit) @ basis
+    if recording is not None:
+        inflation *= _likeness(scores / np.sqrt(eigenvalues + least * inflation * variance), recording)
+    known = eigenvalues / (inflation * variance)
     deviation = 1 / np.sqrt(known + least)  # Of independent residuals.
-    filling = np.outer(deviation, deviation) * (scores + least * np.eye(len(known)))
+    pulls = scores * deviation / (math.sqrt(inflation) * variance)
+    filling = _scatter(pulls) + np.diag(least * deviation**2)
     ratios, vectors = scipy.linalg.eigh(filling)
     half = deviation[:, None] * vectors * np.sqrt(np.maximum(ratios, 1.0))
     return unit[:, None] * (basis @ half), float(np.sum(known / (known + least)))
+
+
+def _likeness(pulls: Float[np.ndarray, "W P"], recording: Int[np.ndarray, " W"]) -> float:
+    """How much more recordings disagree about the parameters than they would if their windows were independent.
+
+    An encoder that has another zero in every recording pulls all of its windows alike. It is a mean over all that the
+    data tell: recordings are too few to say of each combination of parameters how much they disagree.
+
+    Returns:
+        The design effect, at least 1; also where there are too few recordings.
+    """
+    together = np.array([pulls[recording == number].sum(axis=0) for number in np.unique(recording)])
+    if len(together) < _FEWEST_RECORDINGS:
+        return 1.0
+    return max(1.0, np.trace(_scatter(together)) / max(np.trace(_scatter(pulls)), np.finfo(float).tiny))
+
+
+def _scatter(pulls: Float[np.ndarray, "W P"]) -> Float[np.ndarray, "P P"]:
+    """Covariance of a sum of so many, whose mean they know."""
+    return pulls.T @ pulls * len(pulls) / (len(pulls) - 1)

@@ -33,7 +33,8 @@ def independent_variance(equations: NormalEquations) -> float:
     inverse = np.linalg.inv(equations.matrix + np.eye(len(equations.matrix)) * loss / size)
     fitted = float(np.sum(inverse * equations.matrix))
     total = equations.gradient * size  # Of the scores; at the optimum they sum to zero.
-    scores = float(np.sum(inverse * equations.spread) - total @ inverse @ total / windows) * windows / (windows - 1)
+    of_windows = float(np.sum((equations.scores @ inverse) * equations.scores))
+    scores = (of_windows - float(total @ inverse @ total) / windows) * windows / (windows - 1)
     effect = max(1.0, scores / (size * fitted * loss))
     return effect * loss / max(_LEAST_FREEDOM, 1 - fitted * effect / size)
 

@@ -33,6 +33,7 @@ class Batch(NamedTuple):
         rates: Measured velocities or momenta.
         us: Inputs.
         start: Coordinates and rates that the rollout starts from: as measured, or as they are found.
+        recording: Number of the recording that the window was cut out of; None where it is not known.
     """
 
     ts: Float[Array, "*B h+1"]
@@ -40,19 +41,21 @@ class Batch(NamedTuple):
     rates: Float[Array, "*B h+1 n"]
     us: Float[Array, "*B h+1 m"]
     start: Float[Array, "*B 2*n"]
+    recording: Int[Array, "*B"] | None = None
 
     @classmethod
     def of(cls, windows: Windows, dtype: DTypeLike = float) -> "Batch":
         """Windows in the given precision."""
         start = np.concatenate([windows.q[:, 0], windows.rates[:, 0]], axis=1)
-        return cast(cls(*jax.device_put([windows.ts, windows.q, windows.rates, windows.us, start])), dtype)
+        arrays = [windows.ts, windows.q, windows.rates, windows.us, start, windows.recording]
+        return cast(cls(*jax.device_put(arrays)), dtype)
 
     def take(self, index: Array | np.ndarray | slice) -> "Batch":
         """Choose windows."""
         if any(isinstance(x, Tracer) for x in (index, *self)):
             return jax.tree.map(lambda x: x[index], self)
         # On the host: on a device every shape is a program, which takes 20 ms to compile.
-        return Batch(*jax.device_put([np.asarray(x)[index] for x in self]))
+        return jax.device_put(jax.tree.map(lambda x: np.asarray(x)[index], self))
 
 
 class AbstractObjective(eqx.Module):
