@@ -16,6 +16,7 @@ from ._description import Description, read_description
 from ._errors import DataError
 from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
+from ._false_cyclic import find_false_cyclic
 from ._feedback import find_feedback
 from ._findings import SHOWN_SPANS, Finding, refusal
 from ._inputs import find_wrong_inputs
@@ -175,7 +176,15 @@ def _together(
     pace = *find_slow_sampling(dataset, is_angle), *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
     contradictions = find_contradictions(dataset, is_angle, late=bool(late))
-    return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *inputs, *contradictions]
+    return [
+        *copies,
+        *find_short(dataset, is_angle),
+        *pace,
+        *feedback,
+        *inputs,
+        *find_false_cyclic(dataset, is_angle),
+        *contradictions,
+    ]
 
 
 def _check(

@@ -15,6 +15,7 @@ from ._dataset import Dataset
 from ._description import Description, read_description
 from ._errors import DataError, DataWarning, listing
 from ._examine import Examination
+from ._false_cyclic import find_false_cyclic
 from ._findings import Finding
 from ._inputs import find_wrong_inputs
 from ._left_out import find_merged
@@ -74,7 +75,8 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_suspicions(path, logs, description, examinations, replaced)
     inputs = find_wrong_inputs(dataset, description, is_angle)
     late = any(one.kind == "delay" for one in inputs)
-    for finding in (*find_copies(logs), *inputs, *find_contradictions(dataset, is_angle, late=late)):
+    cyclic = find_false_cyclic(dataset, is_angle)
+    for finding in (*find_copies(logs), *inputs, *cyclic, *find_contradictions(dataset, is_angle, late=late)):
         if finding.level == "warning":
             warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
