@@ -164,6 +164,14 @@ def test_recordings_that_alone_are_predicted_badly_are_named():
     assert words.startswith("over 1 s predictions of `worst`, `bad` are off by 0.6 where positions move 0.6, in the")
 
 
+@pytest.mark.parametrize(("error", "motion", "named"), [(0.01, 0.001, True), (0.01, 0.02, False), (2e-3, 1e-3, False)])
+def test_one_recording_that_is_predicted_worse_than_not_at_all_is_named(error, motion, named):
+    """In centimetres among others in millimetres: its motion is small beside theirs, and so is its error."""
+    words = poor([*(recording(1e-3, 0.02, f"log{k}") for k in range(5)), recording(error, motion, "cm")])
+    assert bool(words) == named
+    assert not named or words.startswith("over 1 s predictions of `cm` are off by 0.01 where positions move 0.001, in")
+
+
 def test_recordings_of_one_name_are_told_apart_by_their_parts():
     good, bad = recording(0.05, 1.0), dataclasses.replace(recording(1.0, 1.0), split="test")
     other = recording(1.0, 1.0, "other")

@@ -1,6 +1,7 @@
 """Scores as tables and as JSON, shared by `train`, `evaluate` and `report`."""
 
 import math
+import statistics
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -20,8 +21,9 @@ _FEW = 4  # Coordinates that have a column each.
 _WORST = 2  # Coordinates that are named where there are more.
 _AS_BAD: Final = 0.1  # Share of the largest error.
 _POOR: Final = 0.5  # Share of the way that positions go in a second, or of what going on as at first is off by.
+_SEVERAL: Final = 4  # Recordings that tell what is usual.
 _AWAY: Final = 2.0  # Ranges in which all recordings move: what is off by less is still near.
-_TIMES: Final = 5.0  # The error in training: then it is no matter of noise, nor of harder motions.
+_TIMES: Final = 5.0  # The usual error, or that of training: then it is no matter of noise, nor of harder motions.
 _ASTRAY: Final = (
     "The motion may lie outside of what training has seen (`symoden inspect` says how far), or the model is a poor one."
 )
@@ -119,11 +121,15 @@ def poor(recordings: Sequence[RecordingScore], *, among: Sequence[RecordingScore
             f"{others and f' Of the others, {others}'}"
         )
     long, error, _ = _windowed(recordings)
-    if error <= _POOR * sum(map(_guess, long)):
-        return ""
     worst = sorted(long, key=lambda each: -each.in_motion.error)
-    least = _AS_BAD * worst[0].in_motion.error  # At rest hardly anything is better than standing still.
-    worst = [each for each in worst if each.in_motion.error > max(_POOR * _guess(each), least)]
+    if error > _POOR * sum(map(_guess, long)):
+        least = _AS_BAD * worst[0].in_motion.error  # At rest hardly anything is better than standing still.
+        worst = [each for each in worst if each.in_motion.error > max(_POOR * _guess(each), least)]
+    else:
+        far = math.inf if len(long) < _SEVERAL else _TIMES * statistics.median(each.in_motion.error for each in long)
+        worst = [each for each in worst if each.in_motion.error > max(_guess(each), far)]
+    if not worst:
+        return ""
     some = len(worst) < len(long)
     error, motion, coasting = (
         sum(each) / len(worst) for each in zip(*(astuple(each.in_motion) for each in worst), strict=True)
