@@ -40,6 +40,7 @@ def test_the_hold_that_predicts_better_is_named(capsys, true, other):
     name_other_hold(symoden.Pendulum(), dataset, RK4(8))
     said = capsys.readouterr().err
     assert (f'`hold = "{true}"`' in said.partition("warning: ")[2]) == (true != other)
+    assert (f'% of those with "{other}": no reason to change it' in said) == (true == other)
 
 
 def test_constant_inputs_tell_nothing(capsys):

@@ -19,7 +19,7 @@ _BETTER: Final = 0.85  # Of the errors; 0.81 and 0.75 on two simulated machines,
 
 
 def name_other_hold(model: AbstractDynamics, dataset: Dataset, solver: AbstractSolver) -> None:
-    """Say on standard error where inputs of the other `hold` predict the training recordings better.
+    """Say on standard error how well inputs of the other `hold` predict the training recordings.
 
     The model was fitted to inputs as the description has them: what is better with others, is so for a reason.
 
@@ -40,11 +40,15 @@ def name_other_hold(model: AbstractDynamics, dataset: Dataset, solver: AbstractS
         ]
     pairs = [pair for pair in zip(*errors, strict=True) if all(map(math.isfinite, pair))]
     now, then = (sum(each) for each in zip(*pairs, strict=True)) if pairs else (0.0, 0.0)
+    if not now > 0:
+        return
     mostly = 2 * sum(after < before for before, after in pairs) > len(pairs)
+    said = f'errors over the training recordings are {then / now:.0%} of those with "{dataset.hold}"'
     if mostly and then < _BETTER * now:
         print(
-            f'warning: the training recordings are predicted better with `hold = "{other}"`, errors being '
-            f'{then / now:.0%} of those with "{dataset.hold}", by which the model was trained. Write it into the '
-            "description, train again, and compare the errors of test recordings.",
+            f'warning: predictions are better with `hold = "{other}"`: {said}, by which the model was trained. Write '
+            "it into the description, train again, and compare the errors of test recordings.",
             file=sys.stderr,
         )
+    else:
+        print(f"{said}: no reason to change it", file=sys.stderr)
