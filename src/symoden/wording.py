@@ -40,3 +40,19 @@ def stamp(seconds: float) -> str:
         ('12.3457', '36241.330', '1717493100.250')
     """
     return f"{seconds:.6g}" if abs(seconds) < _FAR else f"{seconds:.3f}"
+
+
+def percent(share: float) -> str:
+    """A share of what is unexplained: of what a regression did not see it may leave more than all.
+
+    Args:
+        share: The share.
+
+    Returns:
+        So many percent, two digits of it.
+
+    Example:
+        >>> percent(0.0018), percent(0.123), percent(4.4)
+        ('0.18%', '12%', '100%')
+    """
+    return f"{100 * share:.2g}%" if share < 0.995 else "100%"

@@ -5,6 +5,8 @@ from typing import Final
 
 import numpy as np
 
+from symoden.wording import percent
+
 from ._bumps import bumps_of, unexplained
 from ._dataset import Dataset
 from ._findings import Finding
@@ -47,8 +49,8 @@ def find_false_cyclic(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
                     level="warning",
                     channel=name,
                     text=f"[known] `cyclic` names q{i + 1}, `{name}`, but in [train] accelerations depend on it: "
-                    f"{100 * min(1.0, float(np.mean(without))):.2g}% of their variance is unexplained without, "
-                    f"{100 * np.mean(with_):.2g}% with it",
+                    f"{percent(np.mean(without))} of their variance is unexplained without, "
+                    f"{percent(np.mean(with_))} with it",
                     advice="Remove it from `cyclic`, unless errors of recordings held out of training are larger then. "
                     "An angle is cyclic about an upright axis, a length where the machine is the same everywhere.",
                 )

@@ -5,6 +5,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from symoden.wording import percent
+
 from ._bumps import bumps_of, unexplained
 from ._dataset import Dataset
 from ._findings import Finding
@@ -43,7 +45,7 @@ def find_other_hold(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             level="warning",
             channel=dataset.input_names[0] if dataset.inputs == 1 else "",
             text=f"in [train] accelerations follow inputs that are {_SAID[other]} between rows: "
-            f"{100 * np.mean(then):.2g}% of their variance is unexplained then, {100 * np.mean(now):.2g}% by inputs "
+            f"{percent(np.mean(then))} of their variance is unexplained then, {percent(np.mean(now))} by inputs "
             f"that are {_SAID[dataset.hold]}",
             advice=f'Write `hold = "{other}"`, unless errors of recordings held out of training are larger then.',
         )

@@ -6,6 +6,8 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from symoden.wording import percent
+
 from ._bumps import bumps_of, unexplained
 from ._clocks import SLOW
 from ._dataset import Dataset
@@ -21,6 +23,7 @@ _LESS: Final = (
 )
 _FAR_LESS: Final = 0.2  # The same, and
 _MUCH: Final = 0.01  # what is left as it is, from which nothing else is as wrong.
+_HALF: Final = 0.51  # Steps: half of one is what the other hold makes of a smooth input.
 _WORSE: Final = 1.5  # Times what is left as it is, that a delay in between may leave.
 _EXPLAINED: Final = 0.3  # Share of the accelerations' variance that may be left then.
 
@@ -55,7 +58,7 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     means = np.mean(left, axis=1)
     said, best = int(np.searchsorted(every, 0.0)), int(np.argmin(means))
     between = means[min(said, best) : max(said, best)]
-    clear = abs(every[best]) > step / 2 and 0 < best < len(every) - 1
+    clear = abs(every[best]) > _HALF * step and 0 < best < len(every) - 1
     less = means[best] <= min(_EXPLAINED, _LESS * means[said])
     if not (clear and less) or (left[best] > 1.05 * left[said]).any() or between.max() > _WORSE * means[said]:
         return []
@@ -85,8 +88,8 @@ def _finding(dataset: Dataset, delays: Sequence[float], change: float, *, now: f
         kind="delay",
         level="warning" if wrong else "note",
         channel=dataset.input_names[0] if dataset.inputs == 1 else "",
-        text=f"in [train] accelerations follow the inputs best {when}: {100 * now:.2g}% of their variance is "
-        f"unexplained {'without' if change > 0 else 'as they are'}, {100 * then:.2g}% with such a delay",
+        text=f"in [train] accelerations follow the inputs best {when}: {percent(now)} of their variance is "
+        f"unexplained {'without' if change > 0 else 'as they are'}, {percent(then)} with such a delay",
         advice=(f"Try `input_delay = {told}`" if any(total) else "Try without `input_delay`")
         + why
         + "Errors of recordings held out of training tell whether it is better.",
