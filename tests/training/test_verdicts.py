@@ -6,6 +6,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import numpy as np
 import pytest
 
 from symoden.blocks import FRICTION
@@ -14,7 +15,7 @@ from symoden.spaces import Space
 from symoden.training import _verdicts
 from symoden.training._residuals import evaluate_loss
 from symoden.training._state import Findings
-from symoden.training._verdicts import Judge, Skipped, Verdict
+from symoden.training._verdicts import CLEAR, Judge, Skipped, Verdict, by_windows
 
 
 def test_friction_that_learned_priors_set_free_is_named(stage, monkeypatch):
@@ -110,3 +111,33 @@ def test_what_hardly_any_windows_refused_is_remembered():
     assert list(findings.verdicts) == ["potential", "growth", "friction", "inertia"]
     assert findings.verdicts["growth"] == "skipped (exact)"
     assert findings.hardly_judged == ("potential", "inertia")
+
+
+@pytest.mark.parametrize(
+    ("here", "there", "gained"),
+    [
+        ([math.inf] + [1.0] * 9, [math.inf] + [100.0] * 9, math.inf),  # What both lose tells nothing.
+        ([math.inf, 1.0, 2.0], [math.inf, 1.0, 2.0], 0.0),
+        ([math.inf, 1.0, 2.0, 3.0], [4.0, math.inf, 2.0, 3.0], 0.0),  # Each loses one.
+        ([math.inf, 1.0, 1.0, 1.0], [math.inf, math.inf, 0.01, 0.01], math.inf),  # Fewer, whatever the others say.
+        ([math.inf, 0.01, 0.01, 0.01], [1.0, 1.0, 1.0, 1.0], -math.inf),
+    ],
+)
+def test_windows_that_diverge_in_both_models_are_not_what_tells_them_apart(here, there, gained):
+    verdict = by_windows(Judge.VALIDATION, np.array(here), np.array(there), wanted=CLEAR)
+    assert verdict.gained == pytest.approx(gained)
+    turned = by_windows(Judge.VALIDATION, np.array(there), np.array(here), wanted=CLEAR)
+    assert turned.gained == pytest.approx(-gained)
+    assert (verdict.kept, turned.kept) == (gained > CLEAR, -gained > CLEAR)
+
+
+def test_verdicts_say_what_diverges_and_count_the_windows_that_told():
+    both, one = np.array([math.inf, 1.0, 1.2, 1.1]), np.array([math.inf, 0.9, 1.3, 1.2])
+    verdict = by_windows(Judge.LEFT_OUT, both, one, wanted=CLEAR)
+    assert (verdict.windows, verdict.loss, verdict.before) == pytest.approx((3, 1.1, 3.4 / 3))
+    fewer = by_windows(Judge.LEFT_OUT, np.ones(4), both, wanted=CLEAR)
+    assert str(fewer) == (
+        "kept (a loss of 1 over 4 windows left out in turn, before inf: rollouts diverge in fewer windows)"
+    )
+    lost = by_windows(Judge.VALIDATION, np.full(2, math.inf), np.full(2, math.inf), wanted=-1.0)
+    assert str(lost) == "not kept (validation loss inf, before inf: rollouts diverge in no fewer windows)"

@@ -110,6 +110,8 @@ class Verdict(NamedTuple):
     def _size(self) -> str:
         """How much it has gained, in words."""
         if math.isinf(self.gained):
+            if not math.isfinite(self.loss + self.before):
+                return f"rollouts diverge in {'fewer' if self.gained > 0 else 'no fewer'} windows"
             return "a tenth or less" if self.gained > 0 else "tenfold or more"
         of = f" of {self.windows} window{'' if self.windows == 1 else 's'}" if self._by_few else ""
         bound = f"more than {self.wanted:+.3g} wanted"
@@ -140,7 +142,8 @@ class Skipped(NamedTuple):
 def by_windows(by: Judge, here: Float[np.ndarray, " W"], there: Float[np.ndarray, " W"], *, wanted: float) -> Verdict:
     """The verdict of windows.
 
-    Losses of different stages cannot be compared: these count errors otherwise, in other windows.
+    Losses of different stages cannot be compared: these count errors otherwise, in other windows. Those that diverge in
+    either model are left out where as many do in both.
 
     Args:
         by: Which ones they are.
@@ -151,6 +154,7 @@ def by_windows(by: Judge, here: Float[np.ndarray, " W"], there: Float[np.ndarray
     Returns:
         The verdict.
     """
+    here, there = _comparable(here, there)
     with np.errstate(over="ignore"):
         loss, before = (float(np.mean(each)) for each in (here, there))
     return Verdict(by, loss, before, len(here), -standard_errors(here, there), wanted)
@@ -249,23 +253,36 @@ def standard_errors(here: Float[np.ndarray, " W"], there: Float[np.ndarray, " W"
     Of two windows the standard error itself is hardly known: their differences may be alike by chance. So many
     standard errors are Student's, and are given as the normal deviate that is as unlikely.
 
+    The model that diverges in fewer windows is better, whatever the others say. A window that diverges in both says
+    nothing; nor do as many that diverge in one model alone as in the other.
+
     Args:
         here: Losses of windows.
         there: Others.
 
     Returns:
-        Mean of the differences relative to its standard error; infinite if it is tenfold.
+        Mean of the differences relative to its standard error; infinite if it is tenfold, or no fewer windows diverge
+        and none are left to compare.
     """
-    if not np.isfinite(here).all():
-        return math.inf
-    if not np.isfinite(there).all():
-        return -math.inf
+    here, there = _comparable(here, there)
+    lost, lost_before = (int(np.sum(~np.isfinite(each))) for each in (here, there))
+    if lost or lost_before:
+        return math.inf if lost >= lost_before else -math.inf
     if _is_far_below(here, there) or _is_far_below(there, here):
         return math.copysign(math.inf, np.mean(here) - np.mean(there))
     if len(here) == 1:
         return 0.0
     mean, error = float(np.mean(here - there)), float(np.std(here - there, ddof=1)) / math.sqrt(len(here))
     return _normal_deviate(mean / max(error, _LEAST_ERROR * abs(mean), float(np.finfo(float).tiny)), len(here) - 1)
+
+
+def _comparable(
+    here: Float[np.ndarray, " W"], there: Float[np.ndarray, " W"]
+) -> tuple[Float[np.ndarray, " K"], Float[np.ndarray, " K"]]:
+    """Losses of windows that diverge in neither, where as many do in both and others are left; else of all."""
+    ours, theirs = np.isfinite(here), np.isfinite(there)
+    both = ours & theirs
+    return (here[both], there[both]) if ours.sum() == theirs.sum() and both.any() else (here, there)
 
 
 def _normal_deviate(student: float, degrees: int) -> float:
