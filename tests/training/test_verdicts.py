@@ -39,7 +39,18 @@ def test_verdicts_of_few_windows_say_how_many(windows, words):
     assert str(verdict._replace(gained=1.7)) == f"kept {told}".replace("+0.90", "+1.70")
 
 
-@pytest.mark.parametrize("windows", [1, 2, 4, 5])
+def test_one_window_keeps_what_must_not_lose_if_its_loss_is_no_larger():
+    for loss in (0.9, 1.0, 1.1):
+        verdict = by_windows(Judge.VALIDATION, np.array([loss]), np.array([1.0]), wanted=-1.0)
+        assert verdict.kept == (loss <= 1)
+        assert verdict._replace(windows=2).kept  # By less than a standard error.
+        assert not verdict._replace(wanted=0.0).kept  # It cannot say that anything is gained.
+    told = "(validation loss 1.1, before 1: +0.00 standard errors of 1 window, whose loss must not be larger)"
+    assert str(verdict) == f"not kept {told}"
+    assert verdict._replace(loss=2.0, moved=False).kept  # The model is the one before, the loss that of another.
+
+
+@pytest.mark.parametrize("windows", [2, 4, 5])
 def test_what_few_windows_lose_is_lost_whatever_standard_errors_say(windows):
     for times in (2.9, 3.1):
         verdict = Verdict(Judge.VALIDATION, times, 1.0, windows, gained=0.0, wanted=-1.0)

@@ -320,7 +320,7 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
             long = long._replace(validation=validation)
         long = _thinned(long, config.lm_samples).left_out_in_turn(dynamics, HARDLY_ANY)
         alone = long.validation is not None and long.validation.ts.shape[0] == 1 and not long.in_turn
-        if long.train.ts.shape[0] < fewest or alone:  # A single window could not speak against them.
+        if long.train.ts.shape[0] < fewest or alone:  # A single window hardly speaks against them.
             break
         found.append(_free_starts(long, dataset))
     return found

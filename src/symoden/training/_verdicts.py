@@ -86,7 +86,12 @@ class Verdict(NamedTuple):
     def _is_lost(self) -> bool:
         """Whether windows are lost whose standard errors tell little: few, or left out, where single ones go astray."""
         tell_little = self._by_few or self.by is Judge.LEFT_OUT
-        return self.moved and tell_little and self.loss > LOST * self.before
+        return self.moved and tell_little and self.loss > (1 if self._alone else LOST) * self.before
+
+    @property
+    def _alone(self) -> bool:
+        """Whether one window is to say that nothing is lost: of differences it knows no standard error."""
+        return self.windows == 1 and self._by_few and self.wanted < 0
 
     def __str__(self) -> str:
         """In words."""
@@ -115,7 +120,9 @@ class Verdict(NamedTuple):
             return "a tenth or less" if self.gained > 0 else "tenfold or more"
         of = f" of {self.windows} window{'' if self.windows == 1 else 's'}" if self._by_few else ""
         bound = f"more than {self.wanted:+.3g} wanted"
-        if self._is_lost:
+        if self._alone:
+            bound = "whose loss must not be larger"
+        elif self._is_lost:
             bound = f"which hardly tell, but {LOST:g} times as much or more"
         return f"{round(self.gained, 2) + 0.0:+.2f} standard errors{of}, {bound}"
 
