@@ -156,6 +156,23 @@ def spoilt(model, factor):
     return eqx.tree_at(lambda one: one.friction, model, other.friction)
 
 
+def test_a_joint_at_rest_has_a_band_of_its_friction():
+    model = build(MODEL, Space.parse("T2"), 1, key=jax.random.key(0))
+    ensemble = Ensemble(
+        restore=lambda theta: spoilt(model, float(theta[0])),
+        theta=np.ones(1),
+        windows=10,
+        members=np.array([[0.98], [1.01], [1.02]]),
+        tried=3,
+        corrections=0,
+    )
+    ranges = Ranges(positions=((-1.0, 1.0), (0.0, 0.0)), rates=((-2.0, 2.0), (0.0, 0.0)), inputs=((-1.0, 1.0),))
+    found = inspect_model(model, ranges)
+    for along, band in zip(found.friction, certainty(ensemble, found).friction, strict=True):
+        assert band.coefficient == pytest.approx(ensemble.quantile(0.9) * 0.0173 * along.coefficient, rel=0.01)
+        assert band.force == pytest.approx(band.coefficient * np.abs(along.velocities))
+
+
 def test_more_noise_is_less_certain_and_a_coupling_that_is_not_there_is_not_told(learned):
     model, dataset = learned
     _, band = bands(model, dataset)

@@ -111,16 +111,16 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
             blocks._replace(potential=blocks.potential - blocks.potential[k])
             for blocks, k in zip((_blocks(model, *states) for states in profile_states), lowest, strict=True)
         ]
-        forces = [
-            _blocks(model, q, v).dissipation[:, -n + i, -n + i] * v[:, i] for i, (q, v) in enumerate(friction_states)
+        coefficients = [
+            _blocks(model, q, v).dissipation[:, -n + i, -n + i] for i, (q, v) in enumerate(friction_states)
         ]
         pushed = [_accelerations(model, *states) for states in profile_states] if free else []
         named = jnp.stack([*model.parameters.quantities.values()]) if model.parameters else jnp.zeros(0)
         if free:
             factor = jnp.exp(size - _log_size(model, profile_states))
             along = [_scaled(blocks, factor) for blocks in along]
-            forces = [factor * force for force in forces]
-        return along, forces, named, pushed, jnp.zeros(()) if free else _log_size(model, profile_states)
+            coefficients = [factor * each for each in coefficients]
+        return along, coefficients, named, pushed, jnp.zeros(()) if free else _log_size(model, profile_states)
 
     size = _log_size(model, profile_states) if free else jnp.zeros(())
     values, structure = jax.tree.flatten(everything(model))
@@ -220,9 +220,9 @@ def _as_profile(profile: Profile, blocks: _Blocks) -> Profile:
     )
 
 
-def _as_friction(profile: FrictionProfile, force: np.ndarray) -> FrictionProfile:
-    """Another force along the same velocity."""
-    return dataclasses.replace(profile, coefficient=force / np.abs(profile.velocities), force=force)
+def _as_friction(profile: FrictionProfile, coefficient: np.ndarray) -> FrictionProfile:
+    """Half widths along the same velocity, from those of the coefficient: a joint at rest has it too."""
+    return dataclasses.replace(profile, coefficient=coefficient, force=coefficient * np.abs(profile.velocities))
 
 
 def _along(profile: Profile, middle: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
