@@ -11,7 +11,7 @@ import pytest
 from symoden.blocks import CORRECTIONS
 from symoden.data import windows
 from symoden.integrate import HOLDS, RK4, rollout
-from symoden.models import KINDS, build
+from symoden.models import KINDS, Scales, build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import Linearization, linearize
@@ -108,6 +108,29 @@ def test_a_jacobian_in_single_precision_changes_the_equations_by_its_rounding(pe
     assert single.matrix == pytest.approx(double.matrix, abs=1e-5 * np.abs(double.matrix).max())
     assert not np.array_equal(single.matrix, double.matrix)
     assert np.linalg.eigvalsh(single.matrix).min() >= -1e-14 * np.abs(single.matrix).max()
+
+
+@pytest.mark.parametrize(("space", "offset"), [("T1", 2 * np.pi * 16_000), ("R1", 1e5)])
+def test_the_jacobian_is_right_far_from_zero_too(space, offset, pendulum, small):
+    _, objective, batch = problem(pendulum(), small)
+    units = Scales.units(Space.parse(space), 1)
+    scales = dataclasses.replace(units, center=np.full_like(units.center, 0.0 if space == "T1" else offset))
+    model = build(small, Space.parse(space), 1, scales=scales, key=jax.random.key(3))
+    objective = dataclasses.replace(objective, weights=jnp.ones(model.space.embedded_size + 1))
+    batch = batch._replace(q=batch.q + offset, start=batch.start.at[:, 0].add(offset))
+    restore, theta = Flattening.of(model, corrections=CORRECTIONS)
+    found = Linearization.at(restore, theta, objective, batch).normal_equations()
+    exact = normal_equations(restore, theta, objective, batch, precision=float)
+    assert found.matrix == pytest.approx(exact.matrix, abs=1e-3 * np.abs(exact.matrix).max())
+    assert found.gradient == pytest.approx(exact.gradient, abs=1e-3 * np.abs(exact.gradient).max())
+
+
+def test_the_jacobian_is_in_single_precision_near_zero_and_where_a_coordinate_rests(pendulum, small):
+    model, objective, batch = problem(pendulum(), small)
+    restore, theta = Flattening.of(model, corrections=0)
+    start = batch.start.at[:, 0].set(1e5)
+    for moved in (batch, batch._replace(q=jnp.full_like(batch.q, 1e5), start=start)):
+        assert Linearization.at(restore, theta, objective, moved).precision == jnp.float32
 
 
 def test_pulling_back_is_the_transpose_of_the_jacobian_for_any_chunk_kept_or_not(

@@ -29,6 +29,7 @@ _LARGEST_JACOBIAN = 2**23  # Entries of a block.
 _MOST_KEPT = 2**28  # Entries of all blocks that are.
 _CACHED_WINDOWS = 16  # They stay in the processor's cache (`benchmarks/`).
 _PINNED = 1e-5  # Relative standard deviation.
+_FAR: Final = 1e3  # From zero, beside what changes: beyond, rounding in single precision is 1e-4 of that.
 _FEW_PARAMETERS: Final = 512  # Threads wait longer for each other than products of so few take.
 
 
@@ -99,6 +100,12 @@ def _jacobian(
     return jax.vmap(lambda window: linearize(restore, theta, objective, window)[1])(batch)
 
 
+def _are_far(q: Float[np.ndarray, "B h n"]) -> bool:
+    """Whether some coordinate is far from zero beside what it changes by in windows; not so one that never moves."""
+    changes = np.ptp(q, axis=1).max(axis=0)
+    return bool(np.any((changes > 0) & (np.abs(q).max(axis=(0, 1)) > _FAR * changes)))
+
+
 def _threads(parameters: int) -> int | None:
     """Threads of the matrix products; None for as many as there are."""
     return 1 if parameters <= _FEW_PARAMETERS else None
@@ -110,7 +117,9 @@ class Linearization:
     """Residuals r and their Jacobian J about one point, block of windows by block of windows.
 
     J may have less precision than the parameters: its rounding is a small error of a step, not of the loss, and takes a
-    third of the time off. Starts, where they are free, follow the parameters.
+    third of the time off. Where positions are far from zero beside what they change by in a window, as those of a
+    machine on long rails or of an angle that has wound up, rounding would be that of the motion, and J has the
+    parameters' precision. Starts, where they are free, follow the parameters.
 
     Attributes:
         restore: Makes the dynamics from flat parameters.
@@ -140,10 +149,11 @@ class Linearization:
             batch: Windows.
 
         Returns:
-            The linearization, with J in single precision.
+            The linearization, with J in single precision unless positions are far from zero.
         """
         found = find_starts(restore(theta), objective, batch)
-        return cls(restore=restore, theta=theta, objective=objective, found=found)
+        precision = theta.dtype if _are_far(np.asarray(batch.q)) else jnp.float32
+        return cls(restore=restore, theta=theta, objective=objective, found=found, precision=precision)
 
     def normal_equations(self) -> NormalEquations:
         """Gather JᵀJ and Jᵀr in bounded memory.
