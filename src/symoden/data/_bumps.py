@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ._regression import unseen_residuals
-from ._trajectory import Trajectory, usual_step
+from ._trajectory import Trajectory, median_step
 
 _BUMP: Final = 0.15  # [s], or eight samples: what is shorter is noise of the velocities.
 _FEWEST_STEPS: Final = 8
@@ -106,7 +106,7 @@ def bumps_of(
     Returns:
         One for each recording that is long enough; none where all together are too few.
     """
-    step, size = usual_step(recordings), steps_under(recordings)
+    step, size = median_step(recordings), steps_under(recordings)
     begin, end = (int(np.ceil(margin / step)) for margin in (first, last))
     long = [each for each in recordings if len(each) > begin + size + 1 + end]
     if not long:
@@ -132,7 +132,7 @@ def steps_under(recordings: Sequence[Trajectory]) -> int:
     Returns:
         The number, one less than the samples.
     """
-    return max(_FEWEST_STEPS, round(_BUMP / usual_step(recordings)))
+    return max(_FEWEST_STEPS, round(_BUMP / median_step(recordings)))
 
 
 def unexplained(parts: Sequence[Bumps], delay: float = 0.0) -> Float[np.ndarray, "B n"]:

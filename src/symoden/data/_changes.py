@@ -10,7 +10,7 @@ from jaxtyping import Bool
 
 from ._dataset import Dataset
 from ._findings import Kind
-from ._trajectory import Trajectory, usual_step
+from ._trajectory import Trajectory, median_step
 
 _LENGTHS: Final = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1, 25.4, 1 / 25.4)  # Millimetres, centimetres, inches beside these.
 _INPUTS: Final = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1)  # Milliamperes, newton millimetres, newton centimetres.
@@ -124,7 +124,7 @@ def _orders(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Iterator[Chan
 
 def _delays(dataset: Dataset) -> Iterator[Change]:
     """Inputs that act later or sooner than they were logged."""
-    step = usual_step(dataset.recordings)
+    step = median_step(dataset.recordings)
     for delay in np.arange(max(step, _FINEST), _LONGEST * (1 + 1e-3), max(step, _FINEST)).tolist():
         for late, when in ((delay, "later"), (-delay, "sooner")):
             words = f"inputs act {delay:.3g} s {when} than they were logged"

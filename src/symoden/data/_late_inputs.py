@@ -12,7 +12,7 @@ from ._bumps import bumps_of, unexplained
 from ._clocks import SLOW
 from ._dataset import Dataset
 from ._findings import Finding
-from ._trajectory import usual_step
+from ._trajectory import median_step
 
 _LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less;
 _STEPS: Final = 5  # and as many steps where these take longer.
@@ -47,7 +47,7 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     """
     if not dataset.train or not dataset.inputs or dataset.momenta:
         return []
-    step = usual_step(dataset.train)
+    step = median_step(dataset.train)
     if step >= SLOW:  # The clock is doubted rather.
         return []
     every = _shifts(step, min(delays))

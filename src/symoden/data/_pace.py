@@ -8,7 +8,7 @@ import numpy as np
 from ._dataset import Dataset
 from ._findings import Finding
 from ._time_scale import time_scales
-from ._trajectory import usual_step
+from ._trajectory import median_step
 
 _MANY: Final = 60  # samples in a time scale, of which the needed ones are enough
 _NEEDED: Final = 25
@@ -80,7 +80,7 @@ def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
 
 def _step_and_time(dataset: Dataset, is_angle: np.ndarray) -> tuple[float, float]:
     """The usual time between rows [s], and the one in which the fastest rates change by about their own size [s]."""
-    step = usual_step(dataset.train)
+    step = median_step(dataset.train)
     return step, float(np.min(time_scales(dataset.train, is_angle, idle=_IDLE)))
 
 

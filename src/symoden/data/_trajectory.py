@@ -124,7 +124,7 @@ class Trajectory:
         )
 
 
-def usual_step(recordings: Sequence[Trajectory]) -> float:
+def median_step(recordings: Sequence[Trajectory]) -> float:
     """Take the median time from sample to sample.
 
     Args:

@@ -111,9 +111,7 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
             blocks._replace(potential=blocks.potential - blocks.potential[k])
             for blocks, k in zip((_blocks(model, *states) for states in profile_states), lowest, strict=True)
         ]
-        coefficients = [
-            _blocks(model, q, v).dissipation[:, -n + i, -n + i] for i, (q, v) in enumerate(friction_states)
-        ]
+        coefficients = [_blocks(model, q, v).dissipation[:, -n + i, -n + i] for i, (q, v) in enumerate(friction_states)]
         pushed = [_accelerations(model, *states) for states in profile_states] if free else []
         named = jnp.stack([*model.parameters.quantities.values()]) if model.parameters else jnp.zeros(0)
         if free:
