@@ -82,13 +82,13 @@ def test_the_chunk_changes_the_normal_equations_by_rounding_alone(pendulum, smal
         assert np.array_equal(parts.residuals, whole.residuals)
         assert parts.matrix == pytest.approx(whole.matrix, rel=1e-11, abs=1e-13 * np.abs(whole.matrix).max())
         assert parts.gradient == pytest.approx(whole.gradient, rel=1e-11, abs=1e-13 * np.abs(whole.gradient).max())
-        assert parts.spread == pytest.approx(whole.spread, rel=1e-9, abs=1e-12 * np.abs(whole.spread).max())
+        assert parts.scores == pytest.approx(whole.scores, rel=1e-9, abs=1e-12 * np.abs(whole.scores).max())
     singles = [
         normal_equations(restore, theta, objective, batch.take(slice(k, k + 1)), precision=jnp.float64)
         for k in range(batch.ts.shape[0])
     ]
     scores = np.array([single.gradient * single.residuals.size for single in singles])
-    assert whole.spread == pytest.approx(scores.T @ scores, rel=1e-9, abs=1e-12 * np.abs(whole.spread).max())
+    assert whole.scores == pytest.approx(scores, rel=1e-9, abs=1e-12 * np.abs(whole.scores).max())
 
 
 def test_the_gradient_of_the_loss_is_twice_that_of_the_normal_equations(pendulum, small):
