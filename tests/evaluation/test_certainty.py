@@ -173,7 +173,29 @@ def test_a_joint_at_rest_has_a_band_of_its_friction():
         assert band.force == pytest.approx(band.coefficient * np.abs(along.velocities))
 
 
-def test_more_noise_is_less_certain_and_a_coupling_that_is_not_there_is_not_told(learned):
+def test_a_coupling_that_is_smaller_than_its_band_is_not_told():
+    def coupled(theta):
+        known = KnownValue(Known(jnp.array([[1.0, float(theta[0])], [0.2, 1.0]])))
+        return eqx.tree_at(lambda one: one.actuation, build(MODEL, space, 2, key=jax.random.key(0)), known)
+
+    space, ranges = (
+        Space.parse("T2"),
+        Ranges(positions=((-1.0, 1.0),) * 2, rates=((-2.0, 2.0),) * 2, inputs=((-1.0, 1.0),) * 2),
+    )
+    found = inspect_model(coupled([0.2]), ranges)
+    for scatter, told in ((0.05, ()), (0.2, ("g[1, 2]",))):
+        ensemble = Ensemble(
+            restore=coupled,
+            theta=np.array([0.2]),
+            windows=10,
+            members=0.2 + scatter * np.array([[-1.0], [0.5], [1.0]]),
+            tried=3,
+            corrections=0,
+        )
+        assert certainty(ensemble, found).undetermined == told
+
+
+def test_more_noise_is_less_certain(learned):
     model, dataset = learned
     _, band = bands(model, dataset)
     train = dataset.train

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, strategies as st
 
-from symoden.training import TrainingConfig
+from symoden.training import TrainingConfig, fit
 
 POSITIVE = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
 
@@ -40,7 +40,17 @@ def test_settings_that_cannot_train_are_refused(setting: dict[str, Any], message
 
 
 @given(positive=POSITIVE, seed=st.integers(0, 2**31))
-def test_what_is_left_trains(positive, seed):
+def test_settings_at_the_edge_are_kept_as_they_are(positive, seed):
     numbers: dict[str, Any] = dict.fromkeys(("clip", "learning_rate", "damping", "weight_decay", "prior"), positive)
-    TrainingConfig(seed=seed, **numbers)
-    TrainingConfig(clip=None, weight_decay=0.0, prior=0.0, validation=0.0)
+    config = TrainingConfig(seed=seed, **numbers)
+    assert {name: getattr(config, name) for name in numbers} == numbers
+    assert config.seed == seed
+
+
+def test_adam_learns_without_limits_decay_or_validation(pendulum, small):
+    config = TrainingConfig(
+        adam_steps=300, restarts=1, batch_size=1, horizon=1, lm_steps=0, clip=None, weight_decay=0.0, validation=0.0
+    )
+    losses: list[float] = []
+    fit(pendulum(), model=small, config=config, progress=lambda at: losses.append(at.loss))
+    assert losses[-1] < 0.5 * losses[0]

@@ -14,10 +14,12 @@ from symoden.data import windows
 from symoden.integrate import HOLDS, RK4
 from symoden.models import build
 from symoden.spaces import Space
+from symoden.training import _level
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import NormalEquations
-from symoden.training._level import expected_level, independent_variance
+from symoden.training._level import expected_level, independent_variance, weigh
 from symoden.training._objective import Batch, Objective
+from symoden.training._weighing import Weighing
 
 WEIGHTS = jnp.array([1.0, 0.5, 2.0])
 
@@ -87,6 +89,26 @@ def test_what_fitting_many_parameters_has_used_up_is_not_taken_for_less_noise(sh
         losses.append(equations.loss)
     assert np.mean(losses) == pytest.approx(1 - share, rel=0.08)
     assert np.mean(variances) == pytest.approx(1.0, rel=0.08)  # The noise's own.
+
+
+def test_what_steps_have_still_to_take_off_is_no_scatter_of_windows():
+    windows, samples = 40, 10
+    noise = np.random.default_rng(0).normal(size=(windows, samples))
+    residuals = noise + 1.0  # Of one parameter, of which J is one: its optimum is a unit away.
+    scores = residuals.sum(axis=1)
+    equations = NormalEquations(
+        np.ones((1, 1)), np.array([residuals.mean()]), residuals[..., None], np.sum(scores**2)[None, None]
+    )
+    assert independent_variance(equations) == pytest.approx(equations.loss, rel=0.01)
+
+
+def test_no_more_residuals_count_as_one_than_a_window_has(pendulum, small, monkeypatch):
+    model = build(small, Space.parse("T1"), 1, key=jax.random.key(3))
+    batch = Batch.of(windows(pendulum().train, 9, stride=9))
+    problem = Objective(WEIGHTS, RK4(), HOLDS["zero"]), RK4(), batch, Weighing.plain(3)
+    for effect, counted in ((5.0, 5.0), (1e9, 9 * 3)):
+        monkeypatch.setattr(_level, "independent_variance", lambda found, effect=effect: effect * found.loss)
+        assert float(weigh(*Flattening.of(model, corrections=0), *problem).effect) == pytest.approx(counted)
 
 
 def test_they_stay_as_measured_where_nothing_can_be_told(problem):
