@@ -95,10 +95,8 @@ def test_what_steps_have_still_to_take_off_is_no_scatter_of_windows():
     windows, samples = 40, 10
     noise = np.random.default_rng(0).normal(size=(windows, samples))
     residuals = noise + 1.0  # Of one parameter, of which J is one: its optimum is a unit away.
-    scores = residuals.sum(axis=1)
-    equations = NormalEquations(
-        np.ones((1, 1)), np.array([residuals.mean()]), residuals[..., None], np.sum(scores**2)[None, None]
-    )
+    scores = residuals.sum(axis=1, keepdims=True)
+    equations = NormalEquations(np.ones((1, 1)), np.array([residuals.mean()]), residuals[..., None], scores)
     assert independent_variance(equations) == pytest.approx(equations.loss, rel=0.01)
 
 
