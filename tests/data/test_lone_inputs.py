@@ -1,4 +1,4 @@
-"""Single samples of an input far beyond all others are named; those that the machine was not given are left out."""
+"""Samples of an input far beyond all others are named; those that the machine was not given are left out."""
 
 import numpy as np
 import pytest
@@ -38,12 +38,45 @@ def test_samples_far_beyond_all_others_are_named(tmp_path, kind, rows):
     assert ("one sample" if len(rows) == 1 else "3 single samples") in one.text
 
 
+@pytest.mark.parametrize("rows", [[0], [3], [496], [499], [0, 1, 2], [300, 301], [498, 499]])
+def test_neither_the_ends_nor_others_beside_hide_them(tmp_path, rows):
+    u = torque(0, "sine")
+    u[rows] = 300.0
+    (one,) = spikes(tmp_path, u)
+    assert (one.level, len(one.spans)) == ("warning", len(rows))
+    assert ("one sample far" if len(rows) == 1 else f"{len(rows)} samples in a row far") in one.text
+    assert "by up to 298 where the others range over 4" in one.text
+
+
+@pytest.mark.parametrize("rows", [[149], [150], [148, 149]])
+def test_a_gap_beside_does_not_hide_them(tmp_path, rows):
+    log = arm(samples=500)
+    log[:, 5] = torque(0, "sine")
+    log[rows, 5] = 300.0
+    log[150:, 0] += 3.0
+    (check,) = check_dataset(written(tmp_path, log)).recordings
+    (one,) = [one for one in check.findings if one.kind == "spike"]
+    assert len(one.spans) == len(rows)
+
+
+def test_samples_on_both_sides_of_a_gap_are_in_no_row(tmp_path):
+    log = arm(samples=500)
+    log[:, 5] = torque(0, "sine")
+    log[[148, 149, 150, 151], 5] = 300.0
+    log[150:, 0] += 3.0
+    (check,) = check_dataset(written(tmp_path, log)).recordings
+    (one,) = [one for one in check.findings if one.kind == "spike"]
+    assert "4 samples, up to 2 in a row, far" in one.text
+
+
 @pytest.mark.parametrize("kind", ["sine", "noise", "steps", "counts"])
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_said_of_what_a_command_may_be(tmp_path, kind, seed):
     u = torque(seed, kind)
     assert spikes(tmp_path, u) == []
-    u[100:110] += 5 * np.ptp(u)  # A pulse.
+    u[100:104] += 5 * np.ptp(u)  # A pulse.
+    assert spikes(tmp_path, u) == []
+    u[300] = u[100]
     assert spikes(tmp_path, u) == []
     u = torque(seed, kind)
     u[10::40] += 5 * np.ptp(u)  # Impulses at a rate.
@@ -69,13 +102,13 @@ files = ["run.csv"]
 ROWS = [200, 333, 590]
 
 
-def drive(folder, *, given, size, seed=0, delay=0, more='velocities = ["v"]'):
-    """A mass on a spring with dry friction, whose log has three samples of so many ranges that it was given or not."""
+def drive(folder, *, given, size, seed=0, delay=0, more='velocities = ["v"]', rows=ROWS):
+    """A mass on a spring with dry friction, whose log has some samples of so many ranges that it was given or not."""
     generator = np.random.default_rng(seed)
     t = 0.01 * np.arange(800)
     u = np.sin(2 * np.pi * np.outer(t, [0.7, 1.9, 4.2]) + generator.uniform(0, 6, 3)).sum(axis=1)
     logged, q, v, path = u.copy(), 0.0, 0.0, []
-    logged[ROWS] += size * np.ptp(u)
+    logged[rows] += size * np.ptp(u)
     acting = logged if given else u
     for k in range(len(t)):
         path.append((q, v))
@@ -94,6 +127,7 @@ def said(path):
     return next(one for one in check.findings if one.kind == "spike")
 
 
+@pytest.mark.filterwarnings("ignore:.*accelerations follow inputs that are held")  # They are.
 @pytest.mark.parametrize("more", ["", 'velocities = ["v"]', 'hold = "linear"'])
 @pytest.mark.parametrize("size", [3, 50])
 def test_samples_that_the_motion_does_not_answer_are_left_out(tmp_path, size, more):
@@ -136,3 +170,23 @@ def test_momenta_do_not_tell_impulses(tmp_path, given):
 def test_impulses_that_act_later_than_the_description_says_are_seen(tmp_path):
     path, *_ = drive(tmp_path, given=True, size=50, delay=6)
     assert said(path).level == "note"
+
+
+@pytest.mark.parametrize("rows", [[400, 401], [400, 401, 402], [3], [0, 1], [0, 1, 2]])
+def test_some_in_a_row_and_the_first_ones_are_told_by_the_motion_too(tmp_path, rows):
+    path, *_ = drive(tmp_path, given=True, size=20, rows=rows)
+    assert said(path).level == "note"
+    path, u, _ = drive(tmp_path, given=False, size=100, rows=rows)
+    one = said(path)
+    assert (one.level, len(one.spans)) == ("masked", len(rows))
+    assert f"this input is {'interpolated' if rows[0] else 'set to the number beside'} there" in one.advice
+    with pytest.warns(DataWarning, match=f"{len(rows)} wrong number"):
+        (recording,) = read_dataset(path).train
+    assert len(recording) == 800
+    np.testing.assert_allclose(recording.us[rows, 0], u[rows], atol=0.5)
+
+
+@pytest.mark.parametrize(("row", "given", "delay"), [(0, True, 0), (780, False, 0), (780, True, 20), (780, True, 40)])
+def test_samples_whose_answer_may_be_out_of_sight_are_not_left_out(tmp_path, row, given, delay):
+    path, *_ = drive(tmp_path, given=given, size=50, rows=[row], delay=delay)
+    assert said(path).level == "warning"

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from ._bumps import Bumps, Rows, bumps_of, stacked, steps_under, under_bumps
 from ._regression import RANK, sizes, unseen_residuals
 from ._shapes import Times
-from ._trajectory import Trajectory
+from ._trajectory import Trajectory, median_step
 
 _LATE: Final = 0.25  # [s] that a motor, a network or a propeller may take to act.
 _TELLS: Final = 5.0  # Times what is left of 99 of 100 ordinary bumps, that a sample must do to be seen in the motion,
@@ -28,6 +28,7 @@ class Law(NamedTuple):
         left: What is left under each bump, by what it did not see.
         noise: Root mean square of that, before it is scaled.
         size: Steps under a bump.
+        reach: How long after a sample its answer is looked for [s].
         middle: Where positions are counted from.
     """
 
@@ -36,6 +37,7 @@ class Law(NamedTuple):
     left: Float[np.ndarray, "B n"]
     noise: Float[np.ndarray, " n"]
     size: int
+    reach: float
     middle: Float[np.ndarray, " n"]
 
 
@@ -66,7 +68,9 @@ def law_of(
     noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), np.finfo(float).tiny)
     size = sizes(causes)
     inverse = np.linalg.pinv(causes / size, rcond=RANK) / size[:, None]
-    return Law(inverse @ gained / noise, inverse.T, left / noise, noise, steps_under(recordings), parts[0].middle)
+    steps = steps_under(recordings)
+    reach = _LATE + steps * median_step(recordings)
+    return Law(inverse @ gained / noise, inverse.T, left / noise, noise, steps, reach, parts[0].middle)
 
 
 def _is_apart(bumps: Bumps, times: Times) -> Bool[np.ndarray, " B"]:

@@ -22,7 +22,8 @@ def bridge(log: Log, description: Description, wrong: Bool[np.ndarray, "T m"] | 
     Without its row an input would be held for two steps at the number before, or at what was known of it: of one that
     changes from sample to sample that is another impulse ∫u dt than was given. One that is smooth from sample to sample
     is interpolated, and so is one with hold "linear"; one that is made of held steps, or too fast for its samples,
-    keeps the number before. No gap in time, see `longest_step`, is bridged.
+    keeps the number before. No gap in time, see `longest_step`, is bridged; what is wrong at its edge, or at an end of
+    the log, is set to the number beside.
 
     Args:
         log: What was logged.
@@ -38,18 +39,22 @@ def bridge(log: Log, description: Description, wrong: Bool[np.ndarray, "T m"] | 
     known = np.flatnonzero(np.isfinite(log.ts))
     if not lacks[whole].any() or (np.diff(log.ts[known]) <= 0).any():
         return log
-    us, held = np.where(lacks, np.nan, log.us), np.zeros(log.us.shape[1], bool)
+    us, made = np.where(lacks, np.nan, log.us), []
     longest = longest_step(np.diff(log.ts[whole]), resample=description.resample)
     for j in np.flatnonzero(lacks[whole].any(axis=0)):
-        held[j] = description.hold == "zero" and not _is_smooth(us[known, j])
-        us[known, j] = _filled(log.ts[known], us[known, j], longest, held=bool(held[j]))
+        held = description.hold == "zero" and not _is_smooth(us[known, j])
+        us[known, j] = _filled(log.ts[known], us[known, j], longest, held=held)
+        made.append((j, "held at the number before" if held else "interpolated", np.isfinite(us[:, j])))
+        if wrong is not None:
+            us[known, j] = _beside(log.ts[known], us[known, j])
+            made.append((j, "set to the number beside", ~made[-1][-1]))
     bridged = lacks & (whole & np.isfinite(us).all(axis=1))[:, None]
-    made = tuple(
-        Bridge(channel=name, rows=rows, held=bool(held[j]), wrong=wrong is not None)
-        for j, name in enumerate(log.names["inputs"])
-        if len(rows := np.flatnonzero(bridged[:, j]))
+    bridges = tuple(
+        Bridge(channel=log.names["inputs"][j], rows=rows, how=how, wrong=wrong is not None)
+        for j, how, which in made
+        if len(rows := np.flatnonzero(bridged[:, j] & which))
     )
-    return dataclasses.replace(log, us=np.where(bridged, us, log.us), bridges=(*log.bridges, *made))
+    return dataclasses.replace(log, us=np.where(bridged, us, log.us), bridges=(*log.bridges, *bridges))
 
 
 def bridged_rows(log: Log, channels: Collection[str]) -> Int[np.ndarray, " k"]:
@@ -77,6 +82,16 @@ def _filled(ts: Times, u: Float[np.ndarray, " T"], longest: float, *, held: bool
     filled = u.copy()
     filled[lacking] = np.where(ts[then] - ts[before] <= longest, value, np.nan)
     return filled
+
+
+def _beside(ts: Times, u: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+    """An input with the nearest number in place of each that it lacks."""
+    there = np.flatnonzero(np.isfinite(u))
+    if not len(there):
+        return u
+    later = np.searchsorted(there, np.arange(len(u))).clip(1, len(there) - 1)
+    before, after = there[later - 1], there[later]
+    return np.where(np.isnan(u), u[np.where(ts - ts[before] <= ts[after] - ts, before, after)], u)
 
 
 def _is_smooth(u: Float[np.ndarray, " T"]) -> bool:

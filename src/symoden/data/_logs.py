@@ -83,19 +83,14 @@ class Bridge:
     Attributes:
         channel: Name of its column.
         rows: Their rows of the log.
-        held: Whether the number before was held; they were interpolated else.
+        how: What was put in their place, in words.
         wrong: Whether they were there, and wrong.
     """
 
     channel: str
     rows: np.ndarray
-    held: bool
+    how: str
     wrong: bool
-
-    @property
-    def how(self) -> str:
-        """What was put in their place, in words."""
-        return "held at the number before" if self.held else "interpolated"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

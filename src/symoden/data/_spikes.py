@@ -16,8 +16,8 @@ _OFFSETS: Final = (-2, -1, 1, 2)  # Neighbours of which a cubic predicts a sampl
 _LOUD: Final = 8.0  # Standard deviations of what cubics leave, beyond which a sample stands out.
 _ROUNDED: Final = 3.0  # Times the most that rounding makes of it, likewise.
 _SEEN: Final = 0.01  # Share of the signal's range: what is smaller does no harm.
-COARSEST: Final = {"positions": 0.02, "rates": 0.2, "inputs": 0.0}
-"""Largest step of rounding that a sensor may have, in SI or rad, by role; inputs may be in any unit."""
+COARSEST: Final = {"positions": 0.02, "rates": 0.2}
+"""Largest step of rounding that a sensor may have, in SI or rad, by role."""
 _LIKE, _NOISE = 0.12, 2.0  # Of the deviation, and standard deviations, by which neighbours may differ from a spike's.
 _AROUND: Final = 101  # Samples.
 _SEVERAL: Final = 2 * TURN  # [rad]
@@ -102,7 +102,7 @@ def lone_samples(ts: Times, signal: Float[np.ndarray, " T"], role: str) -> tuple
     Args:
         ts: Increasing time stamps [s], at least five.
         signal: The column, an angle without jumps.
-        role: "positions", "rates" or "inputs".
+        role: "positions" or "rates".
 
     Returns:
         Their indices, and how far each sample is from what its neighbours say.
