@@ -44,7 +44,7 @@ def find_other_hold(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             kind="hold",
             level="warning",
             channel=dataset.input_names[0] if dataset.inputs == 1 else "",
-            text=f"in [train] accelerations follow inputs that are {_SAID[other]} between rows: "
+            text=f"in [train] accelerations follow inputs that are {_SAID[other]}: "
             f"{percent(float(then.mean()))} of their variance is unexplained then, {percent(float(now.mean()))} by "
             f"inputs that are {_SAID[dataset.hold]}",
             advice=f'Write `hold = "{other}"`, unless errors of recordings held out of training are larger then.',
