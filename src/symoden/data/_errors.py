@@ -8,6 +8,7 @@ from typing import Final
 from symoden.wording import first_few
 
 _SHOWN = 20
+_TYPO, _CLOSE = 0.9, 0.6  # Likeness of names.
 _SHOWN_FORMULA = 80  # Characters.
 COPY: Final = "Perhaps it was cut off: copy it again, or write it again where it was recorded."
 
@@ -38,9 +39,22 @@ def cut(formula: str) -> str:
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Question for the name that was probably meant, or nothing."""
-    by_lower = {candidate.lower(): candidate for candidate in known}
-    matches = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
-    return f" Did you mean `{by_lower[matches[0]]}`?" if matches else ""
+    by_lower, wrong = {candidate.lower(): candidate for candidate in known}, name.lower()
+    longer = [candidate for candidate in by_lower if _goes_on(candidate, wrong)]
+    shorter = [candidate for candidate in by_lower if _goes_on(wrong, candidate)]
+    # `x` is rather `x_mm` than `t`; but `inputs_delay` is `input_delay`, not `inputs`.
+    for candidates, cutoff in ((longer, 0.0), (by_lower, _TYPO), (shorter, 0.0), (by_lower, _CLOSE)):
+        if matches := difflib.get_close_matches(wrong, candidates, n=1, cutoff=cutoff):
+            return f" Did you mean `{by_lower[matches[0]]}`?"
+    return ""
+
+
+def _goes_on(long: str, short: str) -> bool:
+    """Whether a name is another one, and more: a word or unit of its own, or little."""
+    more = long.removeprefix(short)
+    if not short or not long.startswith(short):
+        return False
+    return not more[:1].isalpha() or difflib.SequenceMatcher(None, short, long).ratio() >= _CLOSE
 
 
 class AbsentError(DataError):
