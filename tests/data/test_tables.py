@@ -207,10 +207,35 @@ def test_rows_select_as_python_does(tmp_path, rows, start, stop):
     np.testing.assert_array_equal(found.signals["x"][:, 0], range(start, stop))
 
 
-@pytest.mark.parametrize("cell", ["", " ", "nan", "NaN", "NA", "n/a", "#N/A", "null", "None", "inf", "-inf"])
+@pytest.mark.parametrize("cell", ["", " ", "nan", "NaN", "NA", "n/a", "#N/A", "null", "None", "inf", "-inf", "-", "---", "***", "?", "--.--", "#", "_"])
 def test_a_cell_without_a_number_is_nan(tmp_path, cell):
     path = written(tmp_path / "run.csv", f"a,b\n1,2\n3,{cell}\n5,6")
     np.testing.assert_array_equal(read_rows(path, {"x": ("a", "b")}, ALL).signals["x"], [[1, 2], [3, np.nan], [5, 6]])
+
+
+@pytest.mark.parametrize("cell", ["-1x", "-e", "a-", "- 1"])
+def test_marks_beside_letters_or_digits_are_no_missing_numbers(tmp_path, cell):
+    path = written(tmp_path / "run.csv", f"a,b\n1,2\n3,{cell}\n5,6")
+    with pytest.raises(DataError, match=f"must be a number or empty; got '{cell}'"):
+        read_rows(path, {"x": ("a", "b")}, ALL)
+
+
+def test_a_column_of_marks_alone_is_refused(tmp_path):
+    path = written(tmp_path / "run.csv", "a,b\n1,---\n3,\n5,---")
+    with pytest.raises(DataError, match=r"column `b`, line 2 \(row 0\): must be a number or empty; got '---'"):
+        read_rows(path, {"x": ("a", "b")}, ALL)
+
+
+@pytest.mark.parametrize("text", ["0.5,---\n1,2.5\n2,3", "t,b\n0.5,---\n1,2.5\n2,3"], ids=["no names", "names"])
+def test_marks_in_the_first_row_are_no_names(tmp_path, text):
+    names = ("t", "b") if text.startswith("t") else ("1", "2")
+    found = read_rows(written(tmp_path / "run.csv", text), {"x": names}, ALL)
+    np.testing.assert_array_equal(found.signals["x"], [[0.5, np.nan], [1, 2.5], [2, 3]])
+
+
+def test_marks_among_times_of_day_are_missing(tmp_path):
+    path = written(tmp_path / "run.csv", "a\n---\n10:00:01\n?\n10:00:03")
+    np.testing.assert_array_equal(read_rows(path, {"x": ("a",)}, ALL).signals["x"][:, 0], [np.nan, 36001, np.nan, 36003])
 
 
 def test_an_empty_line_and_a_null_are_nan(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import polars as pl
 
 from ._errors import AbsentError, DataError, listing
-from ._layout import NOTHING
+from ._layout import MARKS, NOTHING
 from ._tables import place
 
 _WHOLE: Final = re.compile(r"^([+-]?\d+)\.0*$")
@@ -39,8 +39,9 @@ def numbers(path: Path, frame: pl.DataFrame, names: Sequence[str], *, first_row:
         first_row: Row of the file that is the table's first row, for messages.
 
     Returns:
-        The columns by name; NaN where a cell is empty or says that it is. Dates with a time are seconds since 1970, UTC
-        where they name no zone; times of day are seconds since the midnight before the first.
+        The columns by name; NaN where a cell is empty or says that it is, by a word or by marks such as `---`. Dates
+        with a time are seconds since 1970, UTC where they name no zone; times of day are seconds since the midnight
+        before the first.
 
     Raises:
         DataError: If a column is absent or twice there, or a cell is no number.
@@ -69,7 +70,9 @@ def _read(path: Path, name: str, column: pl.Series) -> tuple[np.ndarray, np.ndar
         return _since_midnight(column)
     if column.dtype == pl.String:
         cast = column.cast(pl.Float64, strict=False)
-        is_word = cast.is_null() & ~_is_empty(column)
+        # A column of nothing but dashes has lost more than a number.
+        is_missing = _is_missing if cast.is_not_null().any() else _is_empty
+        is_word = cast.is_null() & ~is_missing(column)
     elif column.dtype.is_numeric() or column.dtype == pl.Boolean:
         cast = column.cast(pl.Float64)
         is_word = pl.repeat(value=False, n=len(column), eager=True)
@@ -185,7 +188,7 @@ def _since_midnight(column: pl.Series) -> tuple[np.ndarray, np.ndarray]:
     """Times of day as seconds since the midnight before the first, NaN where there is none; which cells are others."""
     fields = column.str.replace(",", ".", literal=True).str.extract_groups(_CLOCK).struct.unnest()
     hours, minutes, seconds = (fields.to_series(i).cast(pl.Float64) for i in range(3))
-    is_word = hours.is_null() & ~_says_nothing(column)
+    is_word = hours.is_null() & ~(_says_nothing(column) | _is_missing(column))
     clock = (hours * 3600 + minutes * 60 + seconds).fill_null(math.nan).to_numpy(writable=True)
     there = np.flatnonzero(np.isfinite(clock))
     days, jumps = np.zeros(len(there)), np.diff(clock[there], prepend=clock[there[:1]])
@@ -197,7 +200,7 @@ def _since_midnight(column: pl.Series) -> tuple[np.ndarray, np.ndarray]:
 
 def _first(column: pl.Series) -> str:
     """The first cell of a column of texts that says something."""
-    return next(iter(column.filter(~_says_nothing(column)).head(1)), "")
+    return next(iter(column.filter(~(_says_nothing(column) | _is_missing(column))).head(1)), "")
 
 
 def _says_nothing(column: pl.Series) -> pl.Series:
@@ -208,6 +211,11 @@ def _says_nothing(column: pl.Series) -> pl.Series:
 def _is_empty(column: pl.Series) -> pl.Series:
     """Which cells of a column of texts say nothing, or that nothing is there."""
     return column.str.to_lowercase().is_in(NOTHING).fill_null(value=True)
+
+
+def _is_missing(column: pl.Series) -> pl.Series:
+    """The same, or are made of marks that stand for a missing number."""
+    return _is_empty(column) | column.str.contains(MARKS).fill_null(value=True)
 
 
 def _refuse(path: Path, words: Sequence[_Words], first_row: int) -> None:

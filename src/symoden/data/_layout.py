@@ -8,6 +8,8 @@ from typing import Final, NamedTuple
 
 NOTHING: Final = ("", "na", "n/a", "#n/a", "null", "none")
 """What tables write where a sample is missing; NaN is a number."""
+MARKS: Final = r"^[-*?.#_]+$"
+"""The same, where a cell has nothing but such marks: `---`, `***`, `?`."""
 _NO_NUMBERS: Final = (*NOTHING, "nan", "inf", "-inf")
 _COMMENTS: Final = ("#", "%")
 _DECLARATION: Final = re.compile(r'"?sep=.?"?', re.IGNORECASE)  # Of the separator, for spreadsheets.
@@ -123,7 +125,7 @@ def _filled(cells: Sequence[str]) -> list[str]:
 
 def _is_value(cell: str) -> bool:
     """Whether a cell is a number, a date, a time of day, or says that nothing is there."""
-    return cell.lower() in _NO_NUMBERS or _is_number(cell) or _STAMP.match(cell) is not None
+    return _is_no_number(cell) or _is_number(cell) or _STAMP.match(cell) is not None
 
 
 def _lines(text: str, start: int = 0) -> Iterator[tuple[int, int, str]]:
@@ -171,6 +173,11 @@ def _named(line: str, separator: str, columns: int) -> list[str]:
     return cells if separator != " " or len(cells) == columns or len(_apart(line)) != columns else _apart(line)
 
 
+def _is_no_number(cell: str) -> bool:
+    """Whether a cell says that nothing is there, or no finite number."""
+    return cell.lower() in _NO_NUMBERS or re.match(MARKS, cell) is not None
+
+
 def _is_number(cell: str) -> bool:
     """Whether a cell is a number."""
     return _NUMBER.fullmatch(cell) is not None
@@ -178,7 +185,7 @@ def _is_number(cell: str) -> bool:
 
 def _numbers_of(cells: Sequence[str]) -> list[str]:
     """Numbers of a line that has no words; none of another one."""
-    said = [cell for cell in cells if cell.lower() not in _NO_NUMBERS]
+    said = [cell for cell in cells if not _is_no_number(cell)]
     return said if all(map(_is_number, said)) else []
 
 
