@@ -57,6 +57,23 @@ def test_an_input_of_the_wrong_sign_is_named(tmp_path, signs, named, noise):
         assert described(tmp_path, g * signs, f"units = {{{turned}}}")[1] == []
 
 
+def test_the_sign_is_advised_by_the_name_that_the_file_has(tmp_path):
+    g = np.eye(2)
+    cart(tmp_path, g)
+    table = tmp_path / "run.csv"
+    table.write_text(table.read_text().replace("u,w", "u [mA],w [A]"))
+    file = tmp_path / "run.toml"
+    text = (
+        'space = "R1 T1"\ntime = "t"\npositions = ["x", "q"]\nvelocities = ["vx", "vq"]\ninputs = ["u [mA]", "w [A]"]\n'
+        'units = {{ "w [A]" = {factor} }}\ninput_matrix = {g}\n[train]\nfiles = ["run.csv"]\n'
+    )
+    file.write_text(text.format(factor=-1, g=g.tolist()))
+    (one,) = [one for one in check_dataset(file).findings if one.kind == "sign"]
+    assert (one.channel, '"w [A]" = 1' in one.advice) == ("w [A]", True)
+    file.write_text(text.format(factor=1, g=g.tolist()))
+    assert [one for one in check_dataset(file).findings if one.kind == "sign"] == []
+
+
 @pytest.mark.parametrize("g", [np.eye(2), np.array([[2.0, 0.5], [0.0, 1.0]])])
 @pytest.mark.parametrize("seed", range(2))
 def test_inputs_that_are_exchanged_are_named(tmp_path, g, seed):

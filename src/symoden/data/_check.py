@@ -27,7 +27,7 @@ from ._logs import Log, angles
 from ._masking import Mask
 from ._overlaps import find_ended
 from ._pace import find_fast_sampling, find_slow_sampling
-from ._read_dataset import assemble
+from ._read_dataset import assemble, with_full_names
 from ._reading import Reading, read_all
 from ._recordings import recordings_of
 from ._survey import survey
@@ -169,6 +169,7 @@ def _together(
         check_trainable(dataset)
     except DataError as error:
         return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.
+    dataset = with_full_names(dataset, logs)
     inputs = find_wrong_inputs(dataset, description, is_angle)
     late = [one for one in inputs if one.kind == "delay"]
     doubted = any(one.level == "warning" for one in late)

@@ -1,5 +1,6 @@
 """From a description to the recordings that it describes."""
 
+import dataclasses
 import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -73,10 +74,11 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
-    inputs = find_wrong_inputs(dataset, description, is_angle)
+    named = with_full_names(dataset, used)
+    inputs = find_wrong_inputs(named, description, is_angle)
     late = any(one.kind == "delay" for one in inputs)
-    cyclic = find_false_cyclic(dataset, is_angle)
-    for finding in (*find_copies(logs), *inputs, *cyclic, *find_contradictions(dataset, is_angle, late=late)):
+    cyclic = find_false_cyclic(named, is_angle)
+    for finding in (*find_copies(logs), *inputs, *cyclic, *find_contradictions(named, is_angle, late=late)):
         if finding.level == "warning":
             warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
@@ -135,6 +137,20 @@ def assemble(
         input_names=short[len(names[0]) :],
         position_units=logs[0].units["positions"],
     )
+
+
+def with_full_names(dataset: Dataset, logs: Sequence[Log]) -> Dataset:
+    """Name columns as the description does: what messages advise is to be written there.
+
+    Args:
+        dataset: The data set.
+        logs: Its logs.
+
+    Returns:
+        The same data set, its names neither short nor without units.
+    """
+    names = logs[0].names
+    return dataclasses.replace(dataset, position_names=names["positions"], input_names=names["inputs"])
 
 
 def _plain(names: Sequence[str], units: Mapping[str, float]) -> tuple[str, ...]:
