@@ -90,3 +90,14 @@ def test_of_measured_velocities_nothing_is_said():
 def test_nothing_is_too_slow_for_what_is_absent_or_rests():
     assert find_slow_sampling(Dataset(name="none", space="T2", train=(), test=swing(3, 0.001).train), TURNS) == []
     assert find_slow_sampling(estimated(swing(0, 0.001)), TURNS) == []
+
+
+def test_rows_that_resample_makes_sparse_are_not_the_loggers():
+    data = estimated(swing(10, 0.1, samples=2_000))
+    (one,) = find_slow_sampling(data, TURNS, resample=0.1, logged=0.001)
+    assert one.text.endswith("rows are 0.1 s apart by `resample`")
+    assert one.advice.startswith("Take a smaller `resample`: those of the logs are 0.001 s apart, or move slower: ")
+    for resample in (None, 0.1):
+        (one,) = find_slow_sampling(data, TURNS, resample=resample, logged=0.1)
+        assert one.text.endswith("rows are 0.1 s apart")
+        assert one.advice.startswith("Log faster, or move slower: ")

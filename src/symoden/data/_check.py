@@ -174,7 +174,9 @@ def _together(
     late = [one for one in inputs if one.kind == "delay"]
     doubted = any(one.level == "warning" for one in late)
     feedback = [] if doubted else find_feedback(dataset, is_angle)  # By a delay far off inputs seem to be fed back.
-    pace = *find_slow_sampling(dataset, is_angle), *find_fast_sampling(dataset, is_angle)
+    logged = float(np.median(np.concatenate([np.diff(log.ts[np.isfinite(log.ts)]) for log in logs])))
+    slow = find_slow_sampling(dataset, is_angle, resample=description.resample, logged=logged)
+    pace = *slow, *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
     contradictions = find_contradictions(dataset, is_angle, late=bool(late))
     return [

@@ -15,6 +15,7 @@ _NEEDED: Final = 25
 _LARGE: Final = 20_000  # rows from which on training takes long
 _IDLE: Final = 0.01  # of the liveliest rate: below it are trembling and noise
 _FEWEST: Final = 2.0  # samples in a time scale: of a sine, twelve in a period
+_ROUNDED: Final = 0.99  # What rows are apart that are as far apart as `resample` brings them.
 _CHANGE, _OFTEN = 0.25, 0.3  # of the rates' deviation, from row to row; share of the rows
 
 
@@ -50,7 +51,9 @@ def find_fast_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     ]
 
 
-def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
+def find_slow_sampling(
+    dataset: Dataset, is_angle: np.ndarray, *, resample: float | None = None, logged: float = 0.0
+) -> list[Finding]:
     """Say that the motion is too fast for the rows, of which velocities are estimated.
 
     Of velocities that were measured a chatter at rest looks the same, and few rows do less harm.
@@ -58,6 +61,8 @@ def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     Args:
         dataset: Recordings as training sees them.
         is_angle: Whether each coordinate is an angle.
+        resample: Step that recordings were brought to [s].
+        logged: The usual time between the rows of logs [s].
 
     Returns:
         One finding, or none.
@@ -67,12 +72,14 @@ def find_slow_sampling(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     step, time = _step_and_time(dataset, is_angle)
     if time >= _FEWEST * step or not _is_always_fast(dataset):
         return []
+    sparser = resample is not None and logged < _ROUNDED * resample
     text = (
         f"the motion is fast for the rows of [train]: rates change by about their own size in {time:.2g} s, and rows "
-        f"are {step:.2g} s apart"
+        f"are {step:.2g} s apart{' by `resample`' if sparser else ''}"
     )
+    first = f"Take a smaller `resample`: those of the logs are {logged:.2g} s apart" if sparser else "Log faster"
     advice = (
-        "Log faster, or move slower: a sine wants twelve rows a period, and from fewer its velocities are estimated "
+        f"{first}, or move slower: a sine wants twelve rows a period, and from fewer its velocities are estimated "
         "too small. If there are measured ones, name them as `velocities`."
     )
     return [Finding(kind="time", level="warning", channel="", text=text, advice=advice)]
