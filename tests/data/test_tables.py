@@ -207,7 +207,29 @@ def test_rows_select_as_python_does(tmp_path, rows, start, stop):
     np.testing.assert_array_equal(found.signals["x"][:, 0], range(start, stop))
 
 
-@pytest.mark.parametrize("cell", ["", " ", "nan", "NaN", "NA", "n/a", "#N/A", "null", "None", "inf", "-inf", "-", "---", "***", "?", "--.--", "#", "_"])
+@pytest.mark.parametrize(
+    "cell",
+    [
+        "",
+        " ",
+        "nan",
+        "NaN",
+        "NA",
+        "n/a",
+        "#N/A",
+        "null",
+        "None",
+        "inf",
+        "-inf",
+        "-",
+        "---",
+        "***",
+        "?",
+        "--.--",
+        "#",
+        "_",
+    ],
+)
 def test_a_cell_without_a_number_is_nan(tmp_path, cell):
     path = written(tmp_path / "run.csv", f"a,b\n1,2\n3,{cell}\n5,6")
     np.testing.assert_array_equal(read_rows(path, {"x": ("a", "b")}, ALL).signals["x"], [[1, 2], [3, np.nan], [5, 6]])
@@ -235,7 +257,9 @@ def test_marks_in_the_first_row_are_no_names(tmp_path, text):
 
 def test_marks_among_times_of_day_are_missing(tmp_path):
     path = written(tmp_path / "run.csv", "a\n---\n10:00:01\n?\n10:00:03")
-    np.testing.assert_array_equal(read_rows(path, {"x": ("a",)}, ALL).signals["x"][:, 0], [np.nan, 36001, np.nan, 36003])
+    np.testing.assert_array_equal(
+        read_rows(path, {"x": ("a",)}, ALL).signals["x"][:, 0], [np.nan, 36001, np.nan, 36003]
+    )
 
 
 def test_an_empty_line_and_a_null_are_nan(tmp_path):

@@ -10,16 +10,14 @@ import numpy as np
 
 from ._arrivals import find_arrivals
 from ._clocks import find_other_clocks
-from ._contradictions import find_contradictions
 from ._copies import find_copies
 from ._description import Description, read_description
+from ._doubts import find_doubts
 from ._errors import DataError
 from ._examine import Examination, is_idle, stands_still
 from ._facts import ChannelFacts
-from ._false_cyclic import find_false_cyclic
 from ._feedback import find_feedback
 from ._findings import SHOWN_SPANS, Finding, refusal
-from ._inputs import find_wrong_inputs
 from ._kinematics import AGREES
 from ._left_out import find_absent, find_masked, find_merged
 from ._lengths import find_short
@@ -170,24 +168,14 @@ def _together(
     except DataError as error:
         return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.
     dataset = with_full_names(dataset, logs)
-    inputs = find_wrong_inputs(dataset, description, is_angle)
-    late = [one for one in inputs if one.kind == "delay"]
-    doubted = any(one.level == "warning" for one in late)
-    feedback = [] if doubted else find_feedback(dataset, is_angle)  # By a delay far off inputs seem to be fed back.
+    doubts = find_doubts(dataset, description, is_angle)
+    late = any(one.kind == "delay" and one.level == "warning" for one in doubts)
+    feedback = [] if late else find_feedback(dataset, is_angle)  # By a delay far off inputs seem to be fed back.
     logged = float(np.median(np.concatenate([np.diff(log.ts[np.isfinite(log.ts)]) for log in logs])))
     slow = find_slow_sampling(dataset, is_angle, resample=description.resample, logged=logged)
     pace = *slow, *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
-    contradictions = find_contradictions(dataset, is_angle, late=bool(late))
-    return [
-        *copies,
-        *find_short(dataset, is_angle),
-        *pace,
-        *feedback,
-        *inputs,
-        *find_false_cyclic(dataset, is_angle),
-        *contradictions,
-    ]
+    return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *doubts]
 
 
 def _check(

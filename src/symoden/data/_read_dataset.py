@@ -10,15 +10,13 @@ import numpy as np
 
 from ._arrivals import find_arrivals
 from ._clocks import find_other_clocks
-from ._contradictions import find_contradictions
 from ._copies import find_copies
 from ._dataset import Dataset
 from ._description import Description, read_description
+from ._doubts import find_doubts
 from ._errors import DataError, DataWarning, listing
 from ._examine import Examination
-from ._false_cyclic import find_false_cyclic
 from ._findings import Finding
-from ._inputs import find_wrong_inputs
 from ._left_out import find_merged
 from ._logs import Log, angles
 from ._masking import Mask
@@ -74,11 +72,7 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
-    named = with_full_names(dataset, used)
-    inputs = find_wrong_inputs(named, description, is_angle)
-    late = any(one.kind == "delay" for one in inputs)
-    cyclic = find_false_cyclic(named, is_angle)
-    for finding in (*find_copies(logs), *inputs, *cyclic, *find_contradictions(named, is_angle, late=late)):
+    for finding in (*find_copies(logs), *find_doubts(with_full_names(dataset, used), description, is_angle)):
         if finding.level == "warning":
             warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
