@@ -307,9 +307,8 @@ def test_an_extreme_value_that_hardly_occurs_is_no_limit(tmp_path, least, said):
     log = arm()
     log[:, 5] = np.clip(log[:, 5], least, 0.6)
     log[0, 5] = min(least, log[0, 5])
-    findings = (
-        check_dataset(written(tmp_path, log)).recordings[0].findings
-    )  # A value far beyond all others is one, too.
+    # Alone and far beyond all others, it may be said to be wrong as well.
+    findings = check_dataset(written(tmp_path, log)).recordings[0].findings
     (limit,) = (finding for finding in findings if finding.kind == "saturation")
     assert limit.text.startswith(f"`u1` is at its extreme value {said} for ")
 
