@@ -195,19 +195,17 @@ def _findings(dataset: Dataset, description: Description, change: _Change, error
             )
         ]
     names = [name for name, sign in zip(dataset.input_names, change.signs, strict=True) if sign < 0]
+    if not names:
+        return []
     several, told = len(names) > 1, ", ".join(f"`{name}`" for name in names)
-    return (
-        []
-        if not names
-        else [
-            Finding(
-                kind="sign",
-                level="warning",
-                channel="" if several else names[0],
-                text=f"in [train] {told} {'accelerate' if several else 'accelerates'} the other way round than "
-                f"`input_matrix` says, by {errors:.2g} standard errors or more",
-                advice=f"Write {entry(dict.fromkeys(names, -1.0), description.units)}, or turn the signs in "
-                "`input_matrix`; or else those of positions and velocities.",
-            )
-        ]
-    )
+    return [
+        Finding(
+            kind="sign",
+            level="warning",
+            channel="" if several else names[0],
+            text=f"in [train] {told} {'accelerate' if several else 'accelerates'} the other way round than "
+            f"`input_matrix` says, by {errors:.2g} standard errors or more",
+            advice=f"Write {entry(dict.fromkeys(names, -1.0), description.units)}, or turn the signs in "
+            "`input_matrix`; or else those of positions and velocities.",
+        )
+    ]

@@ -290,7 +290,7 @@ def _sandwich(
     known = eigenvalues / (inflation * variance)
     deviation = 1 / np.sqrt(known + least)  # Of independent residuals.
     pulls = scores * deviation / (math.sqrt(inflation) * variance)
-    filling = _scatter(pulls) + np.diag(least * deviation**2)
+    filling = pulls.T @ pulls * _few(len(pulls)) + np.diag(least * deviation**2)
     ratios, vectors = scipy.linalg.eigh(filling)
     half = deviation[:, None] * vectors * np.sqrt(np.maximum(ratios, 1.0))
     return unit[:, None] * (basis @ half), float(np.sum(known / (known + least)))
@@ -308,9 +308,10 @@ def _likeness(pulls: Float[np.ndarray, "W P"], recording: Int[np.ndarray, " W"])
     together = np.array([pulls[recording == number].sum(axis=0) for number in np.unique(recording)])
     if len(together) < _FEWEST_RECORDINGS:
         return 1.0
-    return max(1.0, np.trace(_scatter(together)) / max(np.trace(_scatter(pulls)), np.finfo(float).tiny))
+    of_recordings, of_windows = (float(np.sum(each**2)) * _few(len(each)) for each in (together, pulls))
+    return max(1.0, of_recordings / max(of_windows, np.finfo(float).tiny))
 
 
-def _scatter(pulls: Float[np.ndarray, "W P"]) -> Float[np.ndarray, "P P"]:
-    """Covariance of a sum of so many, whose mean they know."""
-    return pulls.T @ pulls * len(pulls) / (len(pulls) - 1)
+def _few(count: int) -> float:
+    """What squares of so many pulls count, whose sum is zero at the optimum."""
+    return count / (count - 1)
