@@ -9,13 +9,13 @@ import pytest
 
 import symoden
 from symoden.data import DataError
-from symoden.data._description import read_description
 from symoden.data._findings import Kind
-from symoden.data._formulas import COLUMNS
-from symoden.data._known import _ROBOT, KEYS as _KNOWN_KEYS
-from symoden.data._readers import _ARRAYS, _TABLES
-from symoden.data._units import UNITS
-from symoden.data._values import KEYS, PART_KEYS, PARTS
+from symoden.data.description._description import read_description
+from symoden.data.description._formulas import COLUMNS
+from symoden.data.description._known import _ROBOT, KEYS as _KNOWN_KEYS
+from symoden.data.description._units import UNITS
+from symoden.data.description._values import KEYS, PART_KEYS, PARTS
+from symoden.data.files._readers import _ARRAYS, _TABLES
 from symoden.known import FUNCTIONS
 
 PAGE = (Path(__file__).parents[1] / "docs" / "data.md").read_text()

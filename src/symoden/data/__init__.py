@@ -3,9 +3,7 @@
 from ._check import DatasetCheck as DatasetCheck, RecordingCheck as RecordingCheck, check_dataset as check_dataset
 from ._dataset import Dataset as Dataset
 from ._errors import DataError as DataError, DataWarning as DataWarning
-from ._facts import ChannelFacts as ChannelFacts
 from ._findings import Finding as Finding
-from ._first_samples import first_samples as first_samples, rate_errors_at_ends as rate_errors_at_ends
 from ._horizons import (
     ADAM_WINDOWS as ADAM_WINDOWS,
     LEVENBERG_WINDOWS as LEVENBERG_WINDOWS,
@@ -14,22 +12,15 @@ from ._horizons import (
     window_steps as window_steps,
     without_poor_ends as without_poor_ends,
 )
-from ._logs import Log as Log
-from ._noise import SensorNoise as SensorNoise, measure_noise as measure_noise
 from ._read_dataset import read_dataset as read_dataset
-from ._resample import resample as resample
-from ._spans import choose_spans as choose_spans
 from ._split import (
     halves as halves,
     segments as segments,
     split_validation as split_validation,
     validates_by_ends as validates_by_ends,
 )
-from ._time_scale import least_lively as least_lively, time_scales as time_scales
 from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory
-from ._unreadable import Unreadable as Unreadable
-from ._velocities import estimate_velocities as estimate_velocities, velocity_noise_gain as velocity_noise_gain
 from ._windows import (
     Windows as Windows,
     least_motion as least_motion,
@@ -38,6 +29,20 @@ from ._windows import (
     with_few_rests as with_few_rests,
 )
 from ._write_dataset import write_dataset as write_dataset
+from .description import Unreadable as Unreadable
+from .logs import ChannelFacts as ChannelFacts, Log as Log
+from .signals import (
+    SensorNoise as SensorNoise,
+    choose_spans as choose_spans,
+    estimate_velocities as estimate_velocities,
+    first_samples as first_samples,
+    least_lively as least_lively,
+    measure_noise as measure_noise,
+    rate_errors_at_ends as rate_errors_at_ends,
+    resample as resample,
+    time_scales as time_scales,
+    velocity_noise_gain as velocity_noise_gain,
+)
 
 __all__ = [
     "ADAM_WINDOWS",

@@ -8,32 +8,42 @@ from pathlib import Path
 
 import numpy as np
 
-from ._arrivals import find_arrivals
-from ._clocks import find_other_clocks
-from ._copies import find_copies
-from ._description import Description, read_description
-from ._doubts import find_doubts
 from ._errors import DataError
-from ._examine import Examination, is_idle, stands_still
-from ._facts import ChannelFacts
-from ._feedback import find_feedback
 from ._findings import SHOWN_SPANS, Finding, refusal
-from ._kinematics import AGREES
-from ._left_out import find_absent, find_masked, find_merged
-from ._lengths import find_short
-from ._logs import Log, angles
-from ._masking import Mask
-from ._overlaps import find_ended
-from ._pace import find_fast_sampling, find_slow_sampling
 from ._read_dataset import assemble, with_full_names
-from ._reading import Reading, read_all
-from ._recordings import recordings_of
-from ._survey import survey
 from ._trainable import check_trainable
 from ._trajectory import ROUNDED, Trajectory
-from ._uneven import find_uneven
-from ._unreadable import Unreadable
-from ._zeros import find_counted_zeros
+from .checks import (
+    Examination,
+    find_absent,
+    find_fast_sampling,
+    find_feedback,
+    find_masked,
+    find_merged,
+    find_short,
+    find_slow_sampling,
+    is_idle,
+    stands_still,
+    survey,
+)
+from .description import Description, Unreadable, read_description
+from .dynamics import find_doubts
+from .logs import (
+    ChannelFacts,
+    Log,
+    Mask,
+    Reading,
+    angles,
+    find_arrivals,
+    find_copies,
+    find_counted_zeros,
+    find_ended,
+    find_other_clocks,
+    find_uneven,
+    read_all,
+    recordings_of,
+)
+from .signals import AGREES
 
 _ENDS = 2  # First and last rows of a recording, in which inputs are switched on and off.
 _FEW_CLOCKS = 8  # Times that one is set back; rows in another order are off more often.

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool
 
 from ._dataset import Dataset
-from ._time_scale import time_scales
 from ._trajectory import Trajectory
+from .signals import time_scales
 
 _MOST: Final = 0.9  # Share of the samples that recordings must hold, so that shorter ones do not matter.
 _MOST_LEFT_OUT: Final = 0.05  # Share of a recording that its ends may be.

@@ -8,25 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ._arrivals import find_arrivals
-from ._clocks import find_other_clocks
-from ._copies import find_copies
 from ._dataset import Dataset
-from ._description import Description, read_description
-from ._doubts import find_doubts
 from ._errors import DataError, DataWarning, listing
-from ._examine import Examination
 from ._findings import Finding
-from ._left_out import find_merged
-from ._logs import Log, angles
-from ._masking import Mask
-from ._reading import read_all
-from ._recordings import recordings_of
-from ._survey import survey
 from ._trajectory import Trajectory
-from ._uneven import find_uneven
-from ._units import of_column, split_unit
-from ._unreadable import Unreadable
+from .checks import Examination, find_merged, survey
+from .description import Description, Unreadable, of_column, read_description, split_unit
+from .dynamics import find_doubts
+from .logs import Log, Mask, angles, find_arrivals, find_copies, find_other_clocks, find_uneven, read_all, recordings_of
 
 _SHOWN = 3  # recordings that a warning names
 

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
 
 from ._errors import DataError
-from ._noise import measure_noise
 from ._trajectory import Trajectory
+from .signals import measure_noise
 
 WindowTimes: TypeAlias = Float64[np.ndarray, "B points"]  # h + 1 points
 WindowCoordinates: TypeAlias = Float64[np.ndarray, "B points n"]

@@ -10,9 +10,9 @@ import numpy as np
 from symoden.storage import write_atomically
 
 from ._dataset import Dataset
-from ._description import angles_of
 from ._errors import DataError
 from ._trajectory import Trajectory
+from .description import angles_of
 
 _FORBIDDEN = set('/\\:*?"<>|[]\0')
 

@@ -1,0 +1,22 @@
+"""What is wrong with single logs, and what is worth knowing of them."""
+
+from ._examine import Examination as Examination, is_idle as is_idle, stands_still as stands_still
+from ._feedback import find_feedback as find_feedback
+from ._left_out import find_absent as find_absent, find_masked as find_masked, find_merged as find_merged
+from ._lengths import find_short as find_short
+from ._pace import find_fast_sampling as find_fast_sampling, find_slow_sampling as find_slow_sampling
+from ._survey import survey as survey
+
+__all__ = [
+    "Examination",
+    "find_absent",
+    "find_fast_sampling",
+    "find_feedback",
+    "find_masked",
+    "find_merged",
+    "find_short",
+    "find_slow_sampling",
+    "is_idle",
+    "stands_still",
+    "survey",
+]

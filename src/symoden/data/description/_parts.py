@@ -1,0 +1,193 @@
+"""Rows of the files of each part, taken apart into recordings where a column or an axis tells them apart."""
+
+import dataclasses
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from symoden.data._errors import DataError, listing, nearest
+from symoden.data.files import Rows, place, stem_of
+
+from ._description import Description, Part
+from ._files import find_files
+from ._formulas import read_columns
+from ._units import in_si
+from ._unreadable import Unreadable
+
+
+class Parts(NamedTuple):
+    """What the files of a description hold, part by part.
+
+    Attributes:
+        rows: Rows in SI and rad of each recording of a part, in the order of the files; or why there are none.
+        refusals: What the description says of the parts that is not so.
+    """
+
+    rows: dict[str, tuple[Rows | Unreadable, ...]]
+    refusals: tuple[DataError, ...]
+
+
+def read_parts(path: Path, description: Description) -> Parts:
+    """Read the files of a description.
+
+    Args:
+        path: The description's file.
+        description: What it says.
+
+    Returns:
+        The rows; that a file cannot be read, or that no file has a recording that is named, is for the caller to raise
+        or to report.
+    """
+    files = {name: _files(path, name, part) for name, part in description.parts.items()}
+    every = {
+        name: tuple(each for file in files[name] for each in _recordings_of(path, description, name, file))
+        for name in description.parts
+    }
+    chosen = {
+        name: tuple(one for one in every[name] if isinstance(one, Unreadable) or one.label in part.recordings)
+        for name, part in description.parts.items()
+        if part.recordings
+    }
+    taken = {(one.path.resolve(), one.label) for part in chosen.values() for one in part if isinstance(one, Rows)}
+    rest = {
+        name: tuple(one for one in part if isinstance(one, Unreadable) or (one.path.resolve(), one.label) not in taken)
+        for name, part in every.items()
+    }
+    refusals = [
+        *(error for name, part in description.parts.items() for error in _unknown(path, part, name, files[name])),
+        *(error for name in chosen for error in _absent(path, name, description.parts[name].recordings, every[name])),
+        *(
+            DataError(
+                f"`{path}`: [{name}] must have recordings that no other part names; got none. Name fewer in the others."
+            )
+            for name, part in rest.items()
+            if name not in chosen and not part
+        ),
+    ]
+    return Parts(rest | chosen, tuple(refusals))
+
+
+def _files(path: Path, name: str, part: Part) -> tuple[Path | Unreadable, ...]:
+    """The files of a part, each once, and its patterns that match none."""
+    found: dict[Path, Path | Unreadable] = {}
+    for pattern in part.files:
+        try:
+            for file in find_files(pattern, path):
+                found.setdefault(file.resolve(), file)
+        except DataError as error:
+            named = Path(pattern)
+            found[named] = Unreadable(part=name, name=stem_of(named) or pattern, path=named, error=error)
+    return tuple(found.values())
+
+
+def _recordings_of(
+    path: Path, description: Description, name: str, file: Path | Unreadable
+) -> Sequence[Rows | Unreadable]:
+    """Rows of each recording of a file, or why it has none."""
+    if isinstance(file, Unreadable):
+        return [file]
+    intervals = description.parts[name].rows_of(file)
+    try:
+        read = [_read(file, description, slice(*each)) for each in intervals]
+        _refuse_absent(path, description, name, read)
+        _refuse_repeated(path, name, read)
+        scaled = [in_si(each, description.units, description.zeros) for each in read]
+        numbered = [
+            dataclasses.replace(rows, interval=k if len(read) > 1 else None) for k, rows in enumerate(scaled, start=1)
+        ]
+        return [one for rows in numbered for one in _apart(rows, description.recording)]
+    except DataError as error:
+        return [Unreadable(part=name, name=stem_of(file), path=file, error=error)]
+
+
+def _read(file: Path, description: Description, rows: slice) -> Rows:
+    """What the description names of a file."""
+    return read_columns(
+        file, description.selectors, rows, recording=description.recording, formulas=description.formulas
+    )
+
+
+def _unknown(path: Path, part: Part, name: str, files: Sequence[Path | Unreadable]) -> Iterator[DataError]:
+    """Rows of files that the part does not have."""
+    named = [file.path if isinstance(file, Unreadable) else file for file in files]
+    for pattern in part.rows:
+        if not any(file.match(pattern) for file in named):
+            known = dict.fromkeys(file.name for file in named)
+            yield DataError(
+                f"`{path}`: [{name}] `rows` must be of files that the part has; got `{pattern}`."
+                f"{nearest(pattern, known)} It has {listing(known)}."
+            )
+
+
+def _refuse_absent(path: Path, description: Description, name: str, intervals: Sequence[Rows]) -> None:
+    """Refuse intervals that a file has no rows in, unless the part names recordings, which other files may have."""
+    part = description.parts[name]
+    for (start, stop), rows in zip(part.rows_of(intervals[0].path), intervals, strict=True):
+        if not len(rows) and (start, stop) != (0, None) and not part.recordings:
+            whole = _read(rows.path, description, slice(None))
+            raise DataError(
+                f"`{path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has {len(whole)}, and "
+                f"none of them is in {[start] if stop is None else [start, stop]}. Name others, or copy the file again "
+                "if it was cut off."
+            )
+
+
+def _refuse_repeated(path: Path, name: str, intervals: Sequence[Rows]) -> None:
+    """Refuse rows of a file that are in two of the intervals that a part names."""
+    for one, other in itertools.combinations(intervals, 2):
+        twice = np.intersect1d(one.index, other.index)
+        if len(twice):
+            raise DataError(
+                f"`{path}`: [{name}] `rows` must be intervals without rows in common; rows {twice[0]} to {twice[-1]} "
+                f"of `{one.path}` are in two of them."
+            )
+
+
+def _apart(rows: Rows, recording: str | None) -> list[Rows]:
+    """Rows of each recording, in the order in which they begin."""
+    if rows.labels is None or not len(rows):
+        return [rows]
+    labels, first, inverse = np.unique(_filled(rows, recording), return_index=True, return_inverse=True)
+    ends = np.cumsum(np.bincount(inverse))[:-1]
+    members = np.split(np.argsort(inverse, kind="stable"), ends)
+    return [rows.take(members[i], str(labels[i])) for i in np.argsort(first)]
+
+
+def _filled(rows: Rows, recording: str | None) -> np.ndarray:
+    """Labels of rows; one that lacks it, and a number too, belongs to the recording of the row before it."""
+    labels = np.asarray(rows.labels)
+    empty = labels == ""
+    whole = np.isfinite(np.concatenate(list(rows.signals.values()), axis=1)).all(axis=1)
+    bad = np.flatnonzero(empty & whole)
+    if len(bad) or empty.all():
+        where = place(rows.path, int(rows.index[bad[0] if len(bad) else 0]))
+        raise DataError(
+            f"`{rows.path}`: column `{recording}`, {where}: must say which recording the row belongs to; got nothing. "
+            "Fill it in, or leave the row out by `rows`."
+        )
+    last = np.maximum.accumulate(np.where(empty, 0, np.arange(len(labels))))
+    last[last == 0] = np.flatnonzero(~empty)[0] if empty[0] else 0
+    return labels[last]
+
+
+def _absent(path: Path, name: str, wanted: Sequence[str], every: Sequence[Rows | Unreadable]) -> Iterator[DataError]:
+    """Recordings that a part names and none of its files has, where all of these can be read."""
+    if any(isinstance(one, Unreadable) for one in every):
+        return  # It may have them.
+    rows = [one for one in every if isinstance(one, Rows)]
+    found: Mapping[str, None] = dict.fromkeys(one.label for one in rows if one.label is not None)
+    if not found and any(len(one) for one in rows):
+        yield DataError(
+            f"`{path}`: [{name}] `recordings` are told apart by a column, a star in names of variables, or the first "
+            'of three axes of arrays; got none of them. Name the column: `recording = "trial"` before the tables.'
+        )
+        return
+    for label in wanted:
+        if label not in found:
+            yield DataError(
+                f"`{path}`: [{name}] `recordings` must name those of its files; got `{label}`.{nearest(label, found)} "
+                f"They have {listing(found)}."
+            )

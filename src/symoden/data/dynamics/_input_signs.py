@@ -1,0 +1,211 @@
+"""Inputs that push otherwise than the given g says: the other way round, or as another one."""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations, product
+from typing import Final, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from symoden.data._dataset import Dataset
+from symoden.data._findings import Finding
+from symoden.data.description import Description, entry
+
+from ._bumps import bumps_of, stacked
+from ._regression import RANK, halves, sizes
+
+_CLEAR: Final = 5.0  # Standard errors, in either half of the recordings: arms and drives have 10 to 40.
+_FAR: Final = 0.3  # Below zero, of the largest that it can be: means over configurations are no one configuration's.
+_MENDED: Final = 0.5  # Share of how far it is from what an inertia makes, that a change may leave,
+_NEAR: Final = 0.2  # and of its size: of three joints more is left of the right g, whose effects turn with the joints.
+_MOST: Final = 6  # Inputs of which all patterns of signs are tried.
+
+
+def find_input_signs(dataset: Dataset, description: Description, is_angle: np.ndarray) -> list[Finding]:
+    """Say which inputs accelerate the mechanism otherwise than `input_matrix` has it.
+
+    Whatever the inertia, gᵀ M⁻¹ g is symmetric and positive semidefinite: pushed along g x, a mechanism that rests
+    moves along. The effects M⁻¹ g of the inputs are told by a regression of accelerations on functions of single
+    positions, friction, products of velocities and inputs, as they are alike on the whole. With one input of the other
+    sign, or two exchanged, some x is answered backwards. A model would bend V and D around the wrong g, and predict not
+    much worse. What acts later than it was logged may seem to act the other way round: look for delays first.
+
+    Args:
+        dataset: Recordings as training sees them.
+        description: What it means.
+        is_angle: Whether each coordinate is an angle.
+
+    Returns:
+        One finding, or none.
+    """
+    if not dataset.train or not dataset.inputs or dataset.momenta or dataset.input_matrix is None:
+        return []
+    parts = bumps_of(dataset.train, is_angle, held=dataset.hold == "zero")
+    if not parts:
+        return []
+    motion, pushed, gained = stacked(parts)
+    pushed = pushed.reshape(len(motion), dataset.inputs, -1)[:, :, 0]
+    g = np.asarray(dataset.input_matrix)
+    both = [_Answers.of(motion[half], pushed[half], gained[half], g) for half in halves(len(motion))]
+    alone = np.max([[one.beside_error(x) for x in np.eye(dataset.inputs)] for one in both], axis=0)
+    backwards = np.flatnonzero(alone < -_CLEAR)
+    together = max(one.beside_error(other.worst) for one, other in (both, both[::-1]))
+    if not len(backwards) and (together > -_CLEAR or max(one.least for one in both) > -_FAR):
+        return []
+    change = _mended(both)
+    if change is None:
+        change = _Change.of_signs([-1 if j in backwards else 1 for j in range(dataset.inputs)])
+    return _findings(dataset, description, change, -min(together, *alone.tolist()))
+
+
+class _Change(NamedTuple):
+    """Another g: its columns in another order, and with other signs.
+
+    Attributes:
+        order: Which column each input has.
+        signs: Factor of each.
+    """
+
+    order: tuple[int, ...]
+    signs: tuple[int, ...]
+
+    @classmethod
+    def of_signs(cls, signs: Sequence[int]) -> "_Change":
+        """Of signs alone."""
+        return cls(tuple(range(len(signs))), tuple(signs))
+
+    @classmethod
+    def every(cls, inputs: int) -> "Iterator[_Change]":
+        """None, signs of one input and more, and two inputs exchanged."""
+        patterns = product((1, -1), repeat=inputs) if inputs <= _MOST else _one_by_one(inputs)
+        yield from map(cls.of_signs, sorted(patterns, key=lambda signs: signs.count(-1)))
+        for pair in combinations(range(inputs), 2):
+            order = list(range(inputs))
+            order[pair[0]], order[pair[1]] = pair[::-1]
+            yield cls(tuple(order), (1,) * inputs)
+
+    @property
+    def exchanged(self) -> tuple[int, ...]:
+        """Which inputs have another's column."""
+        return tuple(j for j, other in enumerate(self.order) if j != other)
+
+
+def _one_by_one(inputs: int) -> Iterator[tuple[int, ...]]:
+    """No sign turned, or that of one of many inputs."""
+    for turned in range(-1, inputs):
+        yield tuple(-1 if j == turned else 1 for j in range(inputs))
+
+
+class _Answers(NamedTuple):
+    """How a mechanism accelerates, by input, with a g that is told.
+
+    Attributes:
+        g: What is told.
+        effects: What each input does to each coordinate.
+        inputs: Covariance of the effects among inputs, up to the residuals of each coordinate.
+        left: Variance of these residuals.
+    """
+
+    g: Float[np.ndarray, "n m"]
+    effects: Float[np.ndarray, "n m"]
+    inputs: Float[np.ndarray, "m m"]
+    left: Float[np.ndarray, " n"]
+
+    @classmethod
+    def of(
+        cls,
+        motion: Float[np.ndarray, "B k"],
+        pushed: Float[np.ndarray, "B m"],
+        gained: Float[np.ndarray, "B n"],
+        g: Float[np.ndarray, "n m"],
+    ) -> "_Answers":
+        """By least squares; nothing where nothing tells."""
+        m, size = g.shape[1], sizes(pushed)
+        regressors = np.concatenate([motion / sizes(motion), pushed / size], axis=1)
+        U, s, Vt = np.linalg.svd(regressors, full_matrices=False)
+        told = s > RANK * s[0]
+        root = Vt[told].T / s[told]
+        found = root @ (U[:, told].T @ gained)
+        left = np.sum((gained - regressors @ found) ** 2, axis=0) / max(1, len(gained) - told.sum())
+        of_inputs = root[-m:] / size[:, None]
+        return cls(g, (found[-m:] / size[:, None]).T, of_inputs @ of_inputs.T, left)
+
+    def beside_error(self, x: Float[np.ndarray, " m"]) -> float:
+        """What it does along the push of inputs x, beside its standard error; zero where nothing tells."""
+        push = self.g @ x
+        error = np.sqrt(np.sum(push**2 * self.left) * (x @ self.inputs @ x))
+        return float(push @ self.effects @ x / error) if error > 0 else 0.0
+
+    @property
+    def least(self) -> float:
+        """Least eigenvalue of gᵀ M⁻¹ g, whose diagonal is one at most, in its symmetric part."""
+        return float(self._eigen()[0][0])
+
+    @property
+    def worst(self) -> Float[np.ndarray, " m"]:
+        """Inputs that are answered backwards most."""
+        return self._eigen()[1][:, 0] * _normalising(self.g, self.effects)
+
+    def _eigen(self) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, "m m"]]:
+        """Eigenvalues and vectors of that."""
+        matrix = self._matrix(_Change.of_signs([1] * self.g.shape[1]))
+        return np.linalg.eigh((matrix + matrix.T) / 2)
+
+    def _matrix(self, change: _Change) -> Float[np.ndarray, "m m"]:
+        """It, with a change of g."""
+        g = self.g[:, change.order] * change.signs
+        scale = _normalising(g, self.effects)
+        return scale[:, None] * (g.T @ self.effects) * scale
+
+    def distance(self, change: _Change) -> float:
+        """How far it is, with a change, from what an inertia can make, relative to its size."""
+        matrix = self._matrix(change)
+        values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+        far = np.linalg.norm(matrix - (vectors * np.maximum(values, 0)) @ vectors.T)
+        return float(far / max(np.linalg.norm(matrix), np.finfo(float).tiny))
+
+
+def _normalising(g: Float[np.ndarray, "n m"], effects: Float[np.ndarray, "n m"]) -> Float[np.ndarray, " m"]:
+    """Factors of inputs that leave a diagonal of one at most, whatever their units."""
+    norms = np.linalg.norm(g, axis=0) * np.linalg.norm(effects, axis=0)
+    return 1 / np.sqrt(np.where(norms > 0, norms, 1.0))
+
+
+def _mended(both: Sequence[_Answers]) -> _Change | None:
+    """The change of g by which both halves are nearest to what an inertia makes; none where none is near."""
+    as_it_is, *every = _Change.every(both[0].g.shape[1])
+    far, *distances = (max(one.distance(change) for one in both) for change in (as_it_is, *every))
+    best = int(np.argmin(distances))
+    return every[best] if distances[best] <= min(_NEAR, _MENDED * far) else None
+
+
+def _findings(dataset: Dataset, description: Description, change: _Change, errors: float) -> list[Finding]:
+    """What to say of a g that has to be changed; nothing where it is not known how."""
+    if change.exchanged:
+        first, second = (dataset.input_names[j] for j in change.exchanged)
+        return [
+            Finding(
+                kind="order",
+                level="warning",
+                channel=first,
+                text=f"in [train] `{first}` accelerates the mechanism as `input_matrix` says of `{second}`, and the "
+                f"other way round, by {errors:.2g} standard errors or more",
+                advice="Exchange them in `inputs`, or their columns in `input_matrix`; or else positions in "
+                "`positions`, with their velocities.",
+            )
+        ]
+    names = [name for name, sign in zip(dataset.input_names, change.signs, strict=True) if sign < 0]
+    if not names:
+        return []
+    several, told = len(names) > 1, ", ".join(f"`{name}`" for name in names)
+    return [
+        Finding(
+            kind="sign",
+            level="warning",
+            channel="" if several else names[0],
+            text=f"in [train] {told} {'accelerate' if several else 'accelerates'} the other way round than "
+            f"`input_matrix` says, by {errors:.2g} standard errors or more",
+            advice=f"Write {entry(dict.fromkeys(names, -1.0), description.units)}, or turn the signs in "
+            "`input_matrix`; or else those of positions and velocities.",
+        )
+    ]

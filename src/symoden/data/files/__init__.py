@@ -1,0 +1,35 @@
+"""Named columns of numbers, whatever the format of a file."""
+
+from ._cells import label as label
+from ._limits import LARGEST_NUMBER as LARGEST_NUMBER
+from ._readers import (
+    OddNumbers as OddNumbers,
+    Rows as Rows,
+    Selector as Selector,
+    names_in as names_in,
+    read_rows as read_rows,
+    stem_of as stem_of,
+    variable_of as variable_of,
+)
+from ._tables import (
+    find_short_lines as find_short_lines,
+    is_text as is_text,
+    place as place,
+    units_below_names as units_below_names,
+)
+
+__all__ = [
+    "LARGEST_NUMBER",
+    "OddNumbers",
+    "Rows",
+    "Selector",
+    "find_short_lines",
+    "is_text",
+    "label",
+    "names_in",
+    "place",
+    "read_rows",
+    "stem_of",
+    "units_below_names",
+    "variable_of",
+]

@@ -1,0 +1,75 @@
+"""Inputs that follow the state are named, others are not."""
+
+import re
+
+import numpy as np
+import pytest
+
+from symoden.data import check_dataset
+from tests.data.conftest import arm, written
+
+
+def driven(share, *, samples=2000):
+    """A log whose first input is feedback but for a share of its variance that is its own."""
+    log = arm(samples=samples)
+    feedback = -3 * np.sin(log[:, 1]) - 0.5 * log[:, 3] + 0.2 * log[:, 2]
+    own = np.random.default_rng(1).normal(size=samples)
+    log[:, 5] = np.sqrt(1 - share) * feedback / feedback.std() + np.sqrt(share) * own / own.std()
+    return log
+
+
+@pytest.mark.parametrize(("share", "named"), [(0.0, True), (0.05, True), (0.3, False), (1.0, False)])
+def test_an_input_that_follows_the_state_is_named(tmp_path, share, named):
+    path = written(tmp_path, driven(share))
+    every = [one for one in check_dataset(path).findings if one.kind == "feedback"]
+    assert len(every) == named
+    if named:
+        (one,) = every
+        assert (one.channel, one.level) == ("u1", "warning")
+        told = float(one.text.partition("tell `u1` to ")[2].partition("%")[0]) / 100
+        assert 0.9 - share <= told <= 1.0
+
+
+def test_a_constant_input_follows_nothing(tmp_path):
+    log = arm()
+    log[:, 5:] = 2.0
+    assert "feedback" not in {one.kind for one in check_dataset(written(tmp_path, log)).findings}
+
+
+@pytest.mark.parametrize(
+    ("more", "advice"),
+    [
+        ("", "finds g larger than its band. .*: `input_matrix`, V under"),
+        ("input_matrix = [[1, 0], [0, 1]]", "finds V and D larger than their bands. .*: V or D under"),
+        (
+            'input_matrix = [[1, 0], [0, 1]]\n[known]\npotential_energy = "cos(q1) + cos(q2)"',
+            "finds D larger than its band. .*: D under",
+        ),
+        (
+            '[known]\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]',
+            "finds g larger than its band. .*: `input_matrix`, V under",
+        ),
+    ],
+)
+def test_what_to_do_about_it_depends_on_what_is_known(tmp_path, more, advice):
+    path = written(tmp_path, driven(0.0), more=more)
+    (one,) = [one for one in check_dataset(path).findings if one.kind == "feedback"]
+    assert re.search(advice, one.advice)
+
+
+@pytest.mark.parametrize(
+    ("known", "named"),
+    [
+        ('potential_energy = "cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]', False),
+        ('potential_energy = "k*cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]\nparameters = {k = 1}', True),
+        ('potential_energy = "k*cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]\nconstants = {k = 1}', False),
+        (
+            'potential_energy = "cos(q1)"\ndissipation_matrix = [["0.1", 0], [0, "0.1"]]\n'
+            'correct = ["dissipation_matrix"]',
+            True,
+        ),
+    ],
+)
+def test_nothing_is_confused_with_an_input_where_potential_and_friction_are_known(tmp_path, known, named):
+    findings = check_dataset(written(tmp_path, driven(0.0), more=f"[known]\n{known}")).findings
+    assert ("feedback" in {one.kind for one in findings}) == named
