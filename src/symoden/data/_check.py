@@ -179,13 +179,13 @@ def _together(
         return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.
     dataset = with_full_names(dataset, logs)
     doubts = find_doubts(dataset, description, is_angle)
-    late = any(one.kind == "delay" and one.level == "warning" for one in doubts)
+    late = any(one.kind == "delay" and one.level == "warning" for one in doubts.description)
     feedback = [] if late else find_feedback(dataset, is_angle)  # By a delay far off inputs seem to be fed back.
     logged = float(np.median(np.concatenate([np.diff(log.ts[np.isfinite(log.ts)]) for log in logs])))
     slow = find_slow_sampling(dataset, is_angle, resample=description.resample, logged=logged)
     pace = *slow, *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
-    return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *doubts]
+    return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *doubts.description, *doubts.files]
 
 
 def _check(

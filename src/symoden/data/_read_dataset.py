@@ -61,7 +61,8 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
     _warn_of_clocks(path, logs, is_angle)
     _warn_of_masks(path, used, masks)
     _warn_of_suspicions(path, logs, description, examinations, replaced)
-    for finding in (*find_copies(logs), *find_doubts(with_full_names(dataset, used), description, is_angle)):
+    doubts = find_doubts(with_full_names(dataset, used), description, is_angle)
+    for finding in (*find_copies(logs), *doubts.description, *doubts.files):
         if finding.level == "warning":
             warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset

@@ -73,3 +73,34 @@ def test_what_to_do_about_it_depends_on_what_is_known(tmp_path, more, advice):
 def test_nothing_is_confused_with_an_input_where_potential_and_friction_are_known(tmp_path, known, named):
     findings = check_dataset(written(tmp_path, driven(0.0), more=f"[known]\n{known}")).findings
     assert ("feedback" in {one.kind for one in findings}) == named
+
+
+def test_a_single_late_file_does_not_hide_that_inputs_are_fed_back(tmp_path):
+    for k, name in enumerate("abc"):
+        rows = fed_back(k)
+        if name == "b":
+            rows[:-10, 5:] = rows[10:, 5:]
+        np.savetxt(tmp_path / f"{name}.csv", rows[:-10], delimiter=",", header="t,x,q,vx,vq,u,w", comments="")
+    path = tmp_path / "cart.toml"
+    path.write_text(
+        'space = "R1 T1"\ntime = "t"\npositions = ["x", "q"]\nvelocities = ["vx", "vq"]\ninputs = ["u", "w"]\n'
+        '[train]\nfiles = ["*.csv"]\n'
+    )
+    findings = {one.kind: one for one in check_dataset(path).findings}
+    assert findings.keys() == {"delay", "feedback"}
+    assert findings["delay"].text.startswith("`b` (train)")
+
+
+def fed_back(seed, *, samples=800, step=0.01):
+    """Two coupled joints under steps, the second held by a controller."""
+    rng = np.random.default_rng(seed)
+    steps = np.repeat(rng.uniform(-6, 6, (samples // 40, 2)), 40, axis=0)
+    q, v, rows = np.zeros(2), np.zeros(2), []
+    for k in range(samples):
+        u = np.array([steps[k, 0], -6 * q[1] - v[1] + 0.2 * steps[k, 1]])
+        rows.append([k * step, *q, *v, *u])
+        for _ in range(10):
+            force = u * [2, 1] - [0, 3 * np.sin(q[1])] - 0.5 * v - 2 * q * [1, 0]
+            v = v + step / 10 * np.linalg.solve([[1.0, 0.3], [0.3, 0.5]], force)
+            q = q + step / 10 * v
+    return np.array(rows) + rng.normal(0, 1e-3, (samples, 7)) * [0, 1, 1, 1, 1, 0, 0]

@@ -10,7 +10,7 @@ from symoden.data._shapes import Times
 from symoden.data._trajectory import Trajectory, median_step
 
 from ._bumps import Bumps, Rows, bumps_of, stacked, steps_under, under_bumps
-from ._regression import RANK, sizes, unseen_residuals
+from ._regression import inverse, unseen_residuals
 
 _LATE: Final = 0.25  # [s] that a motor, a network or a propeller may take to act.
 _TELLS: Final = 5.0  # Times what is left of 99 of 100 ordinary bumps, that a sample must do to be seen in the motion,
@@ -67,11 +67,10 @@ def law_of(
         return None
     left = unseen_residuals(causes, gained)
     noise = np.maximum(np.sqrt(np.mean(left**2, axis=0)), np.finfo(float).tiny)
-    size = sizes(causes)
-    inverse = np.linalg.pinv(causes / size, rcond=RANK) / size[:, None]
+    makes = inverse(causes)
     steps = steps_under(recordings)
     reach = _LATE + steps * median_step(recordings)
-    return Law(inverse @ gained / noise, inverse.T, left / noise, noise, steps, reach, parts[0].middle)
+    return Law(makes @ gained / noise, makes.T, left / noise, noise, steps, reach, parts[0].middle)
 
 
 def _is_apart(bumps: Bumps, times: Times) -> Bool[np.ndarray, " B"]:

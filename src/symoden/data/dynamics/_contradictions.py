@@ -12,6 +12,7 @@ from symoden.data._findings import Finding
 
 from ._bumps import MOST, Bumps, Rows, bumps_of, stacked, under_bumps
 from ._changes import Change, changes_of
+from ._regression import held_near_zero, usual_sizes
 from ._strangers import Stranger, find_strangers
 
 _WELL: Final = 0.1  # Share of the accelerations' mean square that is left: the others tell the file well as it is.
@@ -20,7 +21,6 @@ _LATE: Final = 0.2  # The same, of other delays: of inputs that are fed back one
 _NOTHING: Final = 1.0  # The same: they tell nothing.
 _LESS: Final = 0.33  # Of what is left as it is, and without some input: or it is this that the others misjudge.
 _ALIKE: Final = 1.5  # Times the least that is left; a change that leaves no more may be what is wrong as well.
-_WEAK: Final = 1e-3  # Beside what tells of a number: one that the others hardly tell is near zero.
 _MANY: Final = 2  # Bumps for each number of a regression.
 _FEWEST: Final = 20  # Bumps of a file: of fewer, most is told by chance.
 _EACH, _ALL = 300, 6000  # Bumps of a file, for the 140 numbers of six joints; of all files, for a second of time.
@@ -77,11 +77,9 @@ class _Law(NamedTuple):
     def of(cls, told: _Told) -> "_Law":
         """By a regression that holds near zero what hardly anything tells."""
         causes = np.concatenate([told.rows.motion, told.rows.pushed], axis=1)
-        scale = _size(told.rows.gained, told.bumps)
-        size = _size(causes, told.bumps)
-        causes, gained = causes / size, told.rows.gained / scale
-        held = _WEAK * told.bumps * np.eye(len(size))
-        return cls(np.linalg.solve(causes.T @ causes + held, causes.T @ gained) / size[:, None], scale)
+        size, scale = (usual_sizes(columns, told.bumps) for columns in (causes, told.rows.gained))
+        effects, _ = held_near_zero(causes / size, told.rows.gained / scale, told.bumps)
+        return cls(effects / size[:, None], scale)
 
     def least_without(self, told: _Told, inputs: int) -> float:
         """The least share that it leaves without one of the inputs, or all of them."""
@@ -95,12 +93,6 @@ class _Law(NamedTuple):
         causes = np.concatenate([told.rows.motion, told.rows.pushed], axis=1)
         gained = told.rows.gained / self.scale
         return float(np.sum((gained - causes @ self.effects) ** 2) / max(np.sum(gained**2), np.finfo(float).tiny))
-
-
-def _size(columns: Float[np.ndarray, "B k"], bumps: int) -> Float[np.ndarray, " k"]:
-    """Root mean squares over the bumps."""
-    size = np.linalg.norm(columns, axis=0) / np.sqrt(bumps)
-    return np.where(size > 0, size, 1.0)
 
 
 class _File:

@@ -1,11 +1,14 @@
 """What accelerations speak against: the description as a whole, or single files."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
 from symoden.data.description import Description
 
+from ._bumps import bumps_of
 from ._contradictions import find_contradictions
 from ._false_cyclic import find_false_cyclic
 from ._hold import find_other_hold
@@ -13,7 +16,19 @@ from ._input_signs import find_input_signs
 from ._late_inputs import find_late_inputs
 
 
-def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray) -> list[Finding]:
+class Doubts(NamedTuple):
+    """What accelerations speak against.
+
+    Attributes:
+        description: What it says of inputs and coordinates of all files.
+        files: Files that contradict the others.
+    """
+
+    description: list[Finding]
+    files: list[Finding]
+
+
+def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray) -> Doubts:
     """Say what the description says wrongly of inputs and of cyclic coordinates, and which files contradict the others.
 
     By another delay inputs seem to be held otherwise, to push the other way round, or to be late in some files, so that
@@ -28,6 +43,11 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
         The findings.
     """
     late = find_late_inputs(dataset, description.input_delay, is_angle)
-    acting = [] if late else [*find_other_hold(dataset, is_angle), *find_input_signs(dataset, description, is_angle)]
-    files = find_contradictions(dataset, is_angle, late=bool(late))
-    return [*late, *acting, *find_false_cyclic(dataset, is_angle), *files]
+    told = dataset.train and not dataset.momenta
+    bumps = bumps_of(dataset.train, is_angle, held=dataset.hold == "zero") if told else []
+    acting, places = [], []
+    if bumps and not late:
+        acting = [*find_other_hold(dataset, bumps, is_angle), *find_input_signs(dataset, description, bumps)]
+    if bumps:
+        places = find_false_cyclic(dataset, bumps, is_angle)
+    return Doubts([*late, *acting, *places], find_contradictions(dataset, is_angle, late=bool(late)))

@@ -1,6 +1,7 @@
 """Coordinates that are told to be cyclic, and that accelerations depend on."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -9,13 +10,13 @@ from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
 from symoden.wording import percent
 
-from ._bumps import bumps_of, unexplained
+from ._bumps import Bumps, bumps_of, unexplained
 
 _LESS: Final = 0.8  # Share of what is left without the coordinate that is left with it.
 _CLEAR: Final = 4.0  # Standard errors; below zero of coordinates that are cyclic.
 
 
-def find_false_cyclic(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
+def find_false_cyclic(dataset: Dataset, bumps: Sequence[Bumps], is_angle: np.ndarray) -> list[Finding]:
     """Say where accelerations depend on a coordinate that `cyclic` names.
 
     A joint that gravity turns, or a spring holds, is taken for one about an upright axis. What is told is never learned
@@ -23,22 +24,20 @@ def find_false_cyclic(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
 
     Args:
         dataset: Recordings as training sees them.
+        bumps: Those to learn from, under bumps.
         is_angle: Whether each coordinate is an angle.
 
     Returns:
         One finding for each such coordinate.
     """
-    if not dataset.train or dataset.momenta or dataset.known is None:
+    if dataset.known is None:
         return []
-    held = dataset.hold == "zero"
     found = []
     for i, name in enumerate(dataset.position_names):
         if f"q{i + 1}" not in dataset.known.cyclic:
             continue
         standing = [dataclasses.replace(each, q=each.q * (np.arange(len(is_angle)) != i)) for each in dataset.train]
-        parts = [bumps_of(each, is_angle, held=held) for each in (dataset.train, standing)]
-        if not all(parts):
-            return []
+        parts = bumps, bumps_of(standing, is_angle, held=dataset.hold == "zero")
         with_, without = (np.mean(unexplained(part), axis=1) for part in parts)
         gained = without - with_
         clear = np.mean(gained) * np.sqrt(len(gained)) >= _CLEAR * np.std(gained, ddof=1)

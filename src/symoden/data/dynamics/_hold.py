@@ -1,22 +1,22 @@
 """Inputs that were something else between samples than the description says."""
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
 from symoden.wording import percent
 
-from ._bumps import bumps_of, unexplained
+from ._bumps import Bumps, bumps_of, unexplained
 
 _SAID: Final = {"zero": "held until the next row", "linear": "joined by straight lines"}
 _LESS: Final = 0.5  # Share of what was left that is left with the other one: 0.2 of sampled sines, with noise of 1e-3.
 _CLEAR: Final = 5.0  # Standard errors.
 
 
-def find_other_hold(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
+def find_other_hold(dataset: Dataset, bumps: Sequence[Bumps], is_angle: np.ndarray) -> list[Finding]:
     """Say where accelerations follow far better what inputs would be by the other `hold`.
 
     A smooth input that is called held acts half a step late, which no friction makes up for: of a simulated pendulum
@@ -25,16 +25,18 @@ def find_other_hold(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
 
     Args:
         dataset: Recordings as training sees them.
+        bumps: Those to learn from, under bumps.
         is_angle: Whether each coordinate is an angle.
 
     Returns:
         One finding, or none.
     """
-    if not dataset.train or not dataset.inputs or dataset.momenta:
+    if not dataset.inputs:
         return []
     other = "linear" if dataset.hold == "zero" else "zero"
-    now, then = (_unexplained(dataset, is_angle, held=hold == "zero") for hold in (dataset.hold, other))
-    if not len(now) or np.mean(then) > _LESS * np.mean(now):
+    otherwise = bumps_of(dataset.train, is_angle, held=other == "zero")
+    now, then = (np.mean(unexplained(parts), axis=1) for parts in (bumps, otherwise))
+    if np.mean(then) > _LESS * np.mean(now):
         return []
     gained = now - then
     if np.mean(gained) * np.sqrt(len(gained)) < _CLEAR * np.std(gained, ddof=1):
@@ -50,9 +52,3 @@ def find_other_hold(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             advice=f'Write `hold = "{other}"`, unless errors of recordings held out of training are larger then.',
         )
     ]
-
-
-def _unexplained(dataset: Dataset, is_angle: np.ndarray, *, held: bool) -> Float[np.ndarray, " B"]:
-    """Share of the accelerations' variance that is left under each bump; none where there are too few."""
-    parts = bumps_of(dataset.train, is_angle, held=held)
-    return np.mean(unexplained(parts), axis=1) if parts else np.zeros(0)

@@ -11,8 +11,8 @@ from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
 from symoden.data.description import Description, entry
 
-from ._bumps import bumps_of, stacked
-from ._regression import RANK, halves, sizes
+from ._bumps import Bumps, stacked
+from ._regression import halves, inverse
 
 _CLEAR: Final = 5.0  # Standard errors, in either half of the recordings: arms and drives have 10 to 40.
 _FAR: Final = 0.3  # Below zero, of the largest that it can be: means over configurations are no one configuration's.
@@ -21,7 +21,7 @@ _NEAR: Final = 0.2  # and of its size: of three joints more is left of the right
 _MOST: Final = 6  # Inputs of which all patterns of signs are tried.
 
 
-def find_input_signs(dataset: Dataset, description: Description, is_angle: np.ndarray) -> list[Finding]:
+def find_input_signs(dataset: Dataset, description: Description, bumps: Sequence[Bumps]) -> list[Finding]:
     """Say which inputs accelerate the mechanism otherwise than `input_matrix` has it.
 
     Whatever the inertia, gᵀ M⁻¹ g is symmetric and positive semidefinite: pushed along g x, a mechanism that rests
@@ -33,17 +33,14 @@ def find_input_signs(dataset: Dataset, description: Description, is_angle: np.nd
     Args:
         dataset: Recordings as training sees them.
         description: What it means.
-        is_angle: Whether each coordinate is an angle.
+        bumps: Recordings to learn from, under bumps.
 
     Returns:
         One finding, or none.
     """
-    if not dataset.train or not dataset.inputs or dataset.momenta or dataset.input_matrix is None:
+    if not dataset.inputs or dataset.input_matrix is None:
         return []
-    parts = bumps_of(dataset.train, is_angle, held=dataset.hold == "zero")
-    if not parts:
-        return []
-    motion, pushed, gained = stacked(parts)
+    motion, pushed, gained = stacked(bumps)
     pushed = pushed.reshape(len(motion), dataset.inputs, -1)[:, :, 0]
     g = np.asarray(dataset.input_matrix)
     both = [_Answers.of(motion[half], pushed[half], gained[half], g) for half in halves(len(motion))]
@@ -120,15 +117,12 @@ class _Answers(NamedTuple):
         g: Float[np.ndarray, "n m"],
     ) -> "_Answers":
         """By least squares; nothing where nothing tells."""
-        m, size = g.shape[1], sizes(pushed)
-        regressors = np.concatenate([motion / sizes(motion), pushed / size], axis=1)
-        U, s, Vt = np.linalg.svd(regressors, full_matrices=False)
-        told = s > RANK * s[0]
-        root = Vt[told].T / s[told]
-        found = root @ (U[:, told].T @ gained)
-        left = np.sum((gained - regressors @ found) ** 2, axis=0) / max(1, len(gained) - told.sum())
-        of_inputs = root[-m:] / size[:, None]
-        return cls(g, (found[-m:] / size[:, None]).T, of_inputs @ of_inputs.T, left)
+        regressors = np.concatenate([motion, pushed], axis=1)
+        makes = inverse(regressors)
+        effects, of_inputs = makes @ gained, makes[-g.shape[1] :]
+        told = float(np.sum(makes.T * regressors))  # The rank.
+        left = np.sum((gained - regressors @ effects) ** 2, axis=0) / max(1.0, len(gained) - told)
+        return cls(g, effects[-g.shape[1] :].T, of_inputs @ of_inputs.T, left)
 
     def beside_error(self, x: Float[np.ndarray, " m"]) -> float:
         """What it does along the push of inputs x, beside its standard error; zero where nothing tells."""

@@ -7,9 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from ._bumps import Rows
-from ._regression import unseen_residuals
+from ._regression import held_near_zero, unseen_residuals, usual_sizes
 
-_WEAK: Final = 1e-3  # Beside what tells of a number: one that hardly anything tells is near zero.
 _MANY: Final = 2  # Bumps for each number of a regression, in either half of a file and in all others.
 _FEWEST: Final = 20  # Bumps that are predicted: of fewer, most is told by chance.
 _FAMILIAR: Final = 5.0  # Leverage, of the mean: what is farther off cannot be told.
@@ -57,7 +56,7 @@ class _Moved(NamedTuple):
 
     def beside(self, other: "_Moved") -> "_Moved":
         """The same in units of another's usual sizes."""
-        return _Moved(*(mine / _size(theirs) for mine, theirs in zip(self, other, strict=True)))
+        return _Moved(*(mine / usual_sizes(theirs, len(theirs)) for mine, theirs in zip(self, other, strict=True)))
 
 
 class _Law:
@@ -71,14 +70,13 @@ class _Law:
     def __init__(self, moved: _Moved) -> None:
         causes, gained = moved
         count, self.numbers = causes.shape
-        self._held = causes.T @ causes / count + _WEAK * np.eye(self.numbers)
-        self._effects = np.linalg.solve(self._held, causes.T @ gained / count)
+        self._effects, self._products = held_near_zero(causes, gained, count)
         self.noise = float(np.mean((gained - causes @ self._effects) ** 2))
 
     def elsewhere(self, moved: _Moved) -> tuple[float, float] | None:
         """How far off it is where it is familiar, beside its noise, and relative; nothing where that is hardly so."""
         causes, gained = moved
-        leverage = np.einsum("bk,bk->b", causes, np.linalg.solve(self._held, causes.T).T) / self.numbers
+        leverage = np.einsum("bk,bk->b", causes, np.linalg.solve(self._products, causes.T).T) / self.numbers
         familiar = leverage <= _FAMILIAR
         if familiar.mean() < _MOSTLY or familiar.sum() < _FEWEST or not self.noise > 0:
             return None
@@ -129,9 +127,3 @@ def _beside(file: _Moved, others: _Moved) -> Stranger | None:
         return None
     own = float(np.sum(unseen_residuals(*file) ** 2) / max(np.sum(file.gained**2), np.finfo(float).tiny))
     return Stranger(told[1], own, told[0]) if told[1] >= _OWN * own else None
-
-
-def _size(columns: Float[np.ndarray, "B k"]) -> Float[np.ndarray, " k"]:
-    """Root mean squares of columns; one where a column is zero."""
-    size = np.sqrt(np.mean(columns**2, axis=0))
-    return np.where(size > 0, size, 1.0)
