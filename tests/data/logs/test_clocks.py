@@ -109,7 +109,7 @@ def test_logs_of_different_rates_have_nothing_wrong(tmp_path_factory, steps):
 
 @pytest.mark.parametrize(("dt", "right", "unit"), [(10, 0.01, "milli"), (2000, 0.002, "micro"), (5e6, 0.005, "nano")])
 def test_rows_that_are_far_apart_are_named_with_what_dt_should_be(tmp_path, dt, right, unit):
-    path = written(tmp_path, (0.005, 1), (0.005, 1))
+    path = written(tmp_path, (right, 1), (right, 1))
     path.write_text(TEXT.replace('time = "t [x]"', f"dt = {dt}"))
     for each in check_dataset(path).recordings:
         (finding,) = each.findings
@@ -118,3 +118,51 @@ def test_rows_that_are_far_apart_are_named_with_what_dt_should_be(tmp_path, dt, 
         assert finding.advice.startswith(f"Write `dt = {right:g}`")
     path.write_text(TEXT.replace('time = "t [x]"', f"dt = {right}"))
     assert not any(each.findings for each in check_dataset(path).recordings)
+
+
+@pytest.mark.parametrize(
+    ("header", "factor"), [("t", 1), ("Time [ms]", 1e3), ("stamp_ns", 1e9), ("log/timestamp", 1e6)]
+)
+@pytest.mark.parametrize("dt", [0.005, 0.01, 5e-6])
+def test_a_dt_that_is_not_what_the_column_of_time_says_is_named(tmp_path, header, factor, dt):
+    path = written(tmp_path, (0.005, factor))
+    log = tmp_path / "run0.csv"
+    log.write_text(log.read_text().replace("t [x]", header))
+    path.write_text(TEXT.replace('time = "t [x]"', f"dt = {dt}"))
+    (check,) = check_dataset(path).recordings
+    said = [one for one in check.findings if one.channel == header]
+    assert [(one.kind, one.level) for one in said] == [("time", "warning")] * (dt != 0.005)
+    for one in said:
+        assert f"but `dt` is {dt:g} s" in one.text
+        assert f'Write `time = "{header}"` in place of `dt`' in one.advice
+        with pytest.warns(DataWarning, match="which is not read, goes on by"):
+            read_dataset(path)
+
+
+@pytest.mark.parametrize("column", ["rows", "temperature", "words", "one recording after the other"])
+def test_what_is_called_like_time_and_counts_none_is_not_asked(tmp_path, column):
+    path = written(tmp_path, (0.005, 1))
+    path.write_text(TEXT.replace('time = "t [x]"', "dt = 0.005"))
+    log = tmp_path / "run0.csv"
+    _, *rows = [line.split(",") for line in log.read_text().splitlines()]
+    t = np.arange(len(rows))
+    told = {
+        "rows": t,
+        "temperature": 20 + np.sin(t),
+        "words": np.full(len(t), "on"),
+        "one recording after the other": t,
+    }
+    told["one recording after the other"] = 0.005 * (t % 100)
+    lines = [",".join([str(cell), *row[1:]]) for cell, row in zip(told[column], rows, strict=True)]
+    log.write_text("\n".join(["t,q,u", *lines]))
+    assert not any(one.channel == "t" for one in check_dataset(path).recordings[0].findings)
+
+
+def test_rounded_stamps_agree_with_dt_in_their_mean(tmp_path):
+    path = written(tmp_path, (0.005, 1))
+    path.write_text(TEXT.replace('time = "t [x]"', "dt = 0.005"))
+    log = tmp_path / "run0.csv"
+    _, *rows = [line.split(",") for line in log.read_text().splitlines()]
+    lines = [f"{np.floor(0.5 * k) / 100},{','.join(row[1:])}" for k, row in enumerate(rows)]
+    log.write_text("\n".join(["t,q,u", *lines]))
+    assert not any(one.channel == "t" for one in check_dataset(path).recordings[0].findings)

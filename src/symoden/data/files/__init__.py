@@ -17,12 +17,14 @@ from ._tables import (
     place as place,
     units_below_names as units_below_names,
 )
+from ._unread_clock import UnreadClock as UnreadClock
 
 __all__ = [
     "LARGEST_NUMBER",
     "OddNumbers",
     "Rows",
     "Selector",
+    "UnreadClock",
     "find_short_lines",
     "is_text",
     "label",

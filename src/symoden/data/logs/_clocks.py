@@ -1,4 +1,4 @@
-"""Recordings whose time stamps are in another unit than those of the others."""
+"""Recordings whose time stamps are in another unit than those of the others, or are not those that `dt` says."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from symoden.data._findings import Finding
-from symoden.data.description import Description, entry
+from symoden.data.description import Description, entry, split_unit
 from symoden.data.signals import usual_step
 
 from ._logs import Log
@@ -17,6 +17,7 @@ SLOW: Final = 1.0
 """Step [s] from which time stamps are rather in another unit: no mechanism is logged so slowly."""
 _FAST: Final = 1e-4  # Step [s] below which they are rather in seconds already, if those are a logger's.
 _ROUNDING: Final = 1e-6
+_SAME: Final = 0.05  # How far `dt` may be from what a clock says, relatively.
 _UNITS: Final = ((1e3, "milliseconds", "ms"), (1e6, "microseconds", "us"), (1e9, "nanoseconds", "ns"))
 
 
@@ -31,7 +32,8 @@ def find_other_clocks(logs: Sequence[Log], description: Description) -> tuple[tu
         The findings on each log: one, or none.
     """
     if description.time is None and description.dt is not None:
-        return (_slow_rows(description.dt, description),) * len(logs)
+        slow = _slow_rows(description.dt, description)
+        return tuple(slow or _other_rows(log, description.dt) for log in logs)
     steps = [_usual(log) for log in logs]
     known = sorted(step for step in steps if step is not None)
     if not known:
@@ -93,6 +95,29 @@ def _slow_rows(step: float, description: Description) -> tuple[Finding, ...]:
             channel="",
             text=f"`dt` is {step:.4g} s, long for a mechanism: is it in {word}?",
             advice=f"Write `dt = {step / factor:.4g}`: it is in seconds. Nothing need be done if the machine is slow.",
+        ),
+    )
+
+
+def _other_rows(log: Log, dt: float) -> tuple[Finding, ...]:
+    """A column of time that is not read says another time from row to row than the description."""
+    if log.clock is None:
+        return ()
+    (name, steps), unit = log.clock, split_unit(log.clock.name)[1]
+    units = {"s": 1.0} | {key: factor for factor, _, key in _UNITS}
+    every = [step / factor for step in steps for factor in ([units[unit]] if unit in units else units.values())]
+    likely = [step for step in every if _FAST <= step < SLOW] or every
+    if any(abs(step - dt) <= _SAME * dt for step in likely):
+        return ()
+    step = f"{steps[0]:.4g}" + (f" {unit}" if unit in units else "")
+    return (
+        Finding(
+            kind="time",
+            level="warning",
+            channel=name,
+            text=f"`{name}`, which is not read, goes on by {step} from row to row, but `dt` is {dt:g} s",
+            advice=f'Write `time = "{name}"` in place of `dt`, with its unit in `units` if it is not in seconds, or '
+            "correct `dt`: by a wrong time masses and friction are wrong.",
         ),
     )
 

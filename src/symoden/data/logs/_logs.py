@@ -20,7 +20,7 @@ from symoden.data.description import (
     split_unit,
     without_impossible,
 )
-from symoden.data.files import Rows, place, stem_of
+from symoden.data.files import Rows, UnreadClock, place, stem_of
 
 
 class Left(NamedTuple):
@@ -119,6 +119,7 @@ class Log:
         arrivals: That its time stamps were found to be those of arrival, if so.
         repeats: Rows of the file that repeat the one before, time stamp and all, which the log lacks.
         bridges: Numbers of inputs that were missing or wrong, and bridged.
+        clock: Column of its file that counts time, where the description names none.
     """
 
     part: str
@@ -136,6 +137,7 @@ class Log:
     arrivals: Arrivals | None = None
     repeats: tuple[int, ...] = ()
     bridges: tuple[Bridge, ...] = ()
+    clock: UnreadClock | None = None
 
     def __len__(self) -> int:
         """Number of rows T."""
@@ -303,6 +305,7 @@ def _log(part: str, name: str, rows: Rows, description: Description, is_angle: n
         units=_si_units(rows, description, is_angle),
         impossible=impossible,
         repeats=repeats,
+        clock=rows.clock,
     )
 
 
