@@ -12,7 +12,7 @@ from symoden.data._findings import Finding
 from symoden.data.description import Description, entry
 
 from ._bumps import Bumps, stacked
-from ._regression import halves, inverse
+from ._regression import interleaved, inverse
 
 _CLEAR: Final = 5.0  # Standard errors, in either half of the recordings: arms and drives have 10 to 40.
 _FAR: Final = 0.3  # Below zero, of the largest that it can be: means over configurations are no one configuration's.
@@ -43,7 +43,7 @@ def find_input_signs(dataset: Dataset, description: Description, bumps: Sequence
     motion, pushed, gained = stacked(bumps)
     pushed = pushed.reshape(len(motion), dataset.inputs, -1)[:, :, 0]
     g = np.asarray(dataset.input_matrix)
-    both = [_Answers.of(motion[half], pushed[half], gained[half], g) for half in halves(len(motion))]
+    both = [_Answers.of(motion[half], pushed[half], gained[half], g) for half in interleaved(len(motion))]
     alone = np.max([[one.beside_error(x) for x in np.eye(dataset.inputs)] for one in both], axis=0)
     backwards = np.flatnonzero(alone < -_CLEAR)
     together = max(one.beside_error(other.worst) for one, other in (both, both[::-1]))

@@ -56,7 +56,7 @@ def unseen_residuals(
         The residuals, of the first half of the stretches and then of the second.
     """
     scaled = regressors / _largest(regressors)
-    both = halves(len(targets))
+    both = interleaved(len(targets))
     return np.concatenate(
         [targets[a] - scaled[a] @ np.linalg.lstsq(scaled[b], targets[b], rcond=_RANK)[0] for a, b in (both, both[::-1])]
     )
@@ -88,7 +88,7 @@ def usual_sizes(columns: Float[np.ndarray, "r k"], count: int) -> Float[np.ndarr
     return np.where(size > 0, size, 1.0)
 
 
-def halves(count: int) -> list[Bool[np.ndarray, " T"]]:
+def interleaved(count: int) -> list[Bool[np.ndarray, " T"]]:
     """Every other of eight stretches, and the others.
 
     Args:
