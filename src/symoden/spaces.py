@@ -35,8 +35,13 @@ class Space(eqx.Module):
         """Refuse a space without coordinates.
 
         Raises:
-            ValueError: If there is no coordinate, or more than a mechanism can have.
+            ValueError: If there is no coordinate, or more than a mechanism can have, or it is not said of each whether
+                it is an angle.
         """
+        if isinstance(self.is_angle, str):
+            raise ValueError(
+                f"A space must be told which coordinates are angles; got {self.is_angle!r}. `Space.parse` reads names."
+            )
         if not 1 <= len(self.is_angle) <= _LARGEST:
             raise ValueError(f"A space must have 1 to {_LARGEST} coordinates; got {len(self.is_angle)}.")
 

@@ -27,6 +27,13 @@ def test_sizes_and_names_come_from_the_recordings():
     assert dataset.input_names == ("x", "y", "z")
 
 
+def test_a_notebook_shows_its_parts_and_columns_in_a_line():
+    free = dataclasses.replace(recording("a", 0), us=np.zeros((len(recording("a", 0)), 0)))
+    assert repr(Dataset(name="arm", space="T1", train=(free,))) == "Dataset('arm', T1: 1 train; positions q1)"
+    both = Dataset(name="arm", space="T1", train=(recording("a", 0),), test=(recording("b", 1),), input_names=("tau",))
+    assert repr(both) == "Dataset('arm', T1: 1 train, 1 test; positions q1; inputs tau)"
+
+
 def test_recordings_are_those_of_all_parts():
     a, b, c = (recording(name, seed) for seed, name in enumerate("abc"))
     assert Dataset(name="arm", space="T1", train=(a,), test=(b,), validation=(c,)).recordings == (a, b, c)

@@ -65,6 +65,11 @@ def test_what_is_no_recording_is_refused(changes, message):
         recording(**changes)
 
 
+def test_a_notebook_shows_a_line_and_no_arrays():
+    assert repr(recording()) == "Trajectory('swing': 11 samples, 1 s, n = 1, m = 0)"
+    assert repr(recording(noise_gain=3.0)).endswith("m = 0, estimated rates)")
+
+
 def test_one_sample_is_refused():
     with pytest.raises(DataError, match="at least 2 samples; got 1"):
         Trajectory(name="swing", ts=np.zeros(1), q=np.zeros((1, 1)), rates=np.zeros((1, 1)), us=np.zeros((1, 0)))

@@ -143,6 +143,8 @@ def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path, l
         (tmp_path / "metrics.jsonl").unlink()
     again = fit(pendulum(), model=small, config=config, folder=tmp_path, resume=True, progress=strides.append)
     assert strides == []
+    with pytest.raises(StorageError, match="must hold no run; it has one"):
+        fit(pendulum(), model=small, config=config, folder=tmp_path)
     assert eqx.tree_equal(first.model, again.model)
     assert again.completed
     assert again.outcome == first.outcome == "converged"

@@ -103,6 +103,8 @@ def design(
             return ControlledLagrangian.of(model, target, limits=limits)
         case "swing-up":
             return _swing_up(model, as_array(target), limits=limits, period=period, tell=tell)
+        case _:
+            raise ValueError(f"`method` must be one of {', '.join(METHODS)}; got {chosen!r}.")
 
 
 def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = None) -> Method:

@@ -100,6 +100,13 @@ class Dataset:
             object.__setattr__(self, field, names)
         object.__setattr__(self, "position_units", _units_of(self.name, is_angle, self.position_units))
 
+    def __repr__(self) -> str:
+        """What it is, in a line."""
+        parts = ", ".join(f"{len(getattr(self, part))} {part}" for part in _PARTS if getattr(self, part))
+        of = f"positions {', '.join(self.position_names)}"
+        inputs = f"; inputs {', '.join(self.input_names)}" if self.inputs else ""
+        return f"Dataset({self.name!r}, {self.space}: {parts}; {of}{inputs})"
+
     @property
     def recordings(self) -> tuple[Trajectory, ...]:
         """All recordings: train, test, validation."""
@@ -160,6 +167,8 @@ def _angles_of(name: str, space: str, size: int) -> np.ndarray:
     """Whether each coordinate is an angle; the space must be known and have as many as the recordings."""
     from symoden.spaces import Space
 
+    if not isinstance(space, str):
+        raise DataError(f'`{name}`: `space` must be its name, such as "T1 R1"; got {type(space).__name__}.')
     try:
         known = Space.parse(space)
     except ValueError as error:

@@ -96,6 +96,12 @@ class Trajectory:
             )
         return np.broadcast_to(gains, self.q.shape[1:])
 
+    def __repr__(self) -> str:
+        """What it is, in a line."""
+        (n, m), estimated = (self.q.shape[1], self.us.shape[1]), self.noise_gain is not None
+        rates = ", estimated rates" if estimated else ""
+        return f"Trajectory({self.name!r}: {len(self)} samples, {self.duration:.6g} s, n = {n}, m = {m}{rates})"
+
     def __len__(self) -> int:
         """Number of samples T."""
         return len(self.ts)

@@ -171,9 +171,10 @@ def read_run(folder: Path | str) -> RunConfig:
     folder = Path(folder)
     path = folder / "config.json"
     if not holds_run(folder):
-        raise StorageError(
-            f"`{folder}` must be the folder of a run; it has no `config.json`. Check the path, or train."
-        )
+        advice = "Check the path, or train."
+        if (folder / MODEL).is_file():
+            advice = "`symoden.fit` made it of data in memory: `read_model` loads its model."
+        raise StorageError(f"`{folder}` must be the folder of a run; it has no `config.json`. {advice}")
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:

@@ -90,6 +90,9 @@ class KnownParts:
             values = {name: float(value) for name, value in getattr(self, table).items()}
             object.__setattr__(self, table, values)
         _refuse_names(self)
+        for listed in ("correct", "cyclic"):
+            if isinstance(told := getattr(self, listed), str):
+                raise ValueError(f'`{listed}` must be a list of names; got the text {told!r}. Write ["{told}"].')
         for name in self.correct:
             if name not in self.given:
                 raise ValueError(

@@ -120,12 +120,13 @@ def fit(
         The model and how training ended.
 
     Raises:
-        TypeError: If `dataset` is something else.
+        TypeError: If `dataset`, `model` or `config` is something else.
         TrainingError: If no model was found whose mean squared errors are finite and below a thousand times the motion.
-        ValueError: If members are wanted and training has no Levenberg-Marquardt.
+        ValueError: If members are wanted and training has no Levenberg-Marquardt, or something is to be resumed and no
+            folder is named.
         DataError: If every recording is shorter than a window, nothing moves, or a given part cannot be a mechanism's.
-        StorageError: If `folder` cannot be written, its checkpoint is damaged, or of other data or settings, or the
-            model cannot be saved there, as one with Python functions cannot.
+        StorageError: If `folder` cannot be written, has a run that is not to be resumed, its checkpoint is damaged, or
+            of other data or settings, or the model cannot be saved there, as one with Python functions cannot.
 
     Example:
         >>> import numpy as np
@@ -138,16 +139,13 @@ def fit(
         >>> result.outcome
         'all steps taken'
     """
-    if not isinstance(dataset, Dataset):
-        raise TypeError(
-            f"Training must be given a `Dataset`; got {type(dataset).__name__}. `read_dataset` reads a description of "
-            "files."
-        )
     model, config = model or ModelConfig(), config or TrainingConfig()
+    _refuse_other_types(dataset, model, config)
     check_members(members, config)
     folder = None if folder is None else Path(folder)
     told = repr((dataset.digest, model, config))
     journal = Journal(folder=folder, origin=hashlib.sha256(told.encode()).hexdigest())
+    _refuse_overwriting(journal, resume=resume)
     precision = jnp.zeros(()).dtype  # The user's; inside, arrays have another.
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
     watch = Stopwatch(max_minutes)
@@ -187,6 +185,28 @@ def fit(
         verdicts=findings.verdicts,
         hardly_judged=findings.hardly_judged,
     )
+
+
+def _refuse_other_types(dataset: object, model: object, config: object) -> None:
+    """Refuse anything but a data set and settings."""
+    hints = {Dataset: "`read_dataset` reads a description of files.", ModelConfig: "It has settings of a new model."}
+    for given, kind in ((dataset, Dataset), (model, ModelConfig), (config, TrainingConfig)):
+        if not isinstance(given, kind):
+            hint = hints.get(kind, f"Write `{kind.__name__}(…)`.")
+            raise TypeError(f"Training must be given a `{kind.__name__}`; got {type(given).__name__}. {hint}")
+
+
+def _refuse_overwriting(journal: Journal, *, resume: bool) -> None:
+    """Refuse to begin where a run is, and to go on with none."""
+    if journal.folder is None or journal.checkpoint is None:
+        if resume:
+            raise ValueError("Training can be resumed only in a `folder`; got none. Name that of the run.")
+        return
+    if not resume and (journal.checkpoint.exists() or (journal.folder / MODEL).exists()):
+        raise StorageError(
+            f"`{journal.folder}` must hold no run; it has one. `resume=True` goes on with it, or adds members; else "
+            "name another folder."
+        )
 
 
 def _refuse_lost(state: TrainingState, config: TrainingConfig, *, completed: bool) -> None:

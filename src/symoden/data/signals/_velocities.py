@@ -8,6 +8,7 @@ from jaxtyping import Float64, Int
 
 from symoden.data._errors import DataError
 from symoden.data._shapes import Positions, Rates, Times
+from symoden.data._trajectory import finite_numbers, refuse_times_out_of_order
 
 from ._cubics import LEAST
 from ._signals import longest_step
@@ -36,11 +37,16 @@ def estimate_velocities(ts: Times, q: Positions, *, name: str, spans: Int[np.nda
         Velocities at the time stamps.
 
     Raises:
-        DataError: If the recording is too short, or its time stamps are too uneven.
+        DataError: If the recording is too short, its time stamps do not increase or are too uneven, or the arrays are
+            not finite numbers of these shapes.
 
     References:
         Savitzky and Golay (1964), *Smoothing and differentiation of data by simplified least squares procedures*.
     """
+    ts, q = finite_numbers(ts, f"`{name}`: `ts`", axes=1), finite_numbers(q, f"`{name}`: `q`", axes=2)
+    if len(ts) != len(q):
+        raise DataError(f"`{name}`: `ts` (T,) and `q` (T, n) must agree in T; got shapes {ts.shape} and {q.shape}.")
+    refuse_times_out_of_order(ts, f"`{name}`: `ts`")
     parts = _parts(ts, name)
     long = [part for part in parts if part.stop - part.start >= LEAST]
     if spans is None and long:

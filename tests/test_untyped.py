@@ -1,0 +1,53 @@
+"""What a user is told where no types are checked: the suite checks them all, a user's Python does not."""
+
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import numpy as np
+import symoden, symoden.control, symoden.data, symoden.systems
+from symoden import Dataset, Space, Trajectory
+
+ts = np.linspace(0.0, 1.0, 20)
+q, none = np.cos(3 * ts)[:, None], np.zeros((20, 0))
+swing = Trajectory(name="swing", ts=ts, q=q, rates=q, us=none)
+data = Dataset(name="arm", space="T1", train=(swing,))
+symoden.data.estimate_velocities(ts.tolist(), q.tolist(), name="lists")
+for text in {calls}:
+    try:
+        eval(text)
+    except Exception as error:
+        print(type(error).__name__, "|", error)
+    else:
+        print("nothing | of", text)
+"""
+REFUSED = {
+    "Space('T1')": "ValueError | A space must be told which coordinates are angles; got 'T1'. `Space.parse`",
+    "Dataset(name='arm', space=Space.parse('T1'), train=(swing,))": "DataError | `arm`: `space` must be its name",
+    "symoden.data.estimate_velocities(ts[1:], q, name='a')": "DataError | `a`: `ts` (T,) and `q` (T, n)",
+    "symoden.data.estimate_velocities(ts, q[:, 0], name='a')": "DataError | `a`: `q` must be an array of real numbers",
+    "symoden.data.estimate_velocities(ts[::-1], q, name='a')": "DataError | `a`: `ts`, row 1: times must increase",
+    "symoden.data.estimate_velocities(ts, q * np.nan, name='a')": "DataError | `a`: `q`, row 0: must be",
+    "symoden.fit([swing])": "TypeError | Training must be given a `Dataset`; got list.",
+    "symoden.fit(data, model='dissipative')": "TypeError | Training must be given a `ModelConfig`; got str.",
+    "symoden.fit(data, config={'seed': 1})": "TypeError | Training must be given a `TrainingConfig`; got dict.",
+    "symoden.fit(data, resume=True)": "ValueError | Training can be resumed only in a `folder`; got none.",
+    "symoden.control.design(symoden.systems.Pendulum(), [0.0], method='pid')": "ValueError | `method` must be one",
+    "symoden.KnownParts(potential_energy='q1', cyclic='q2')": "ValueError | `cyclic` must be a list of names; got the",
+}
+
+
+@pytest.fixture(scope="module")
+def told() -> dict[str, str]:
+    """What Python says of each."""
+    program = [sys.executable, "-W", "ignore", "-c", PROGRAM.format(calls=list(REFUSED))]
+    answer = subprocess.run(program, capture_output=True, check=False, text=True)
+    assert answer.returncode == 0, answer.stderr
+    return dict(zip(REFUSED, answer.stdout.splitlines(), strict=True))
+
+
+@pytest.mark.parametrize("call", REFUSED)
+def test_what_cannot_be_meant_is_refused_in_words(told, call):
+    assert told[call].startswith(REFUSED[call])
