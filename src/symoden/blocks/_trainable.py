@@ -28,11 +28,13 @@ def trainable(model: PyTree, *, corrections: int = CORRECTIONS) -> PyTree:
         Tree prefix of booleans, for `eqx.partition`: false for `Known` arrays, for whatever is no array of floats,
         and for frozen corrections.
     """
-
-    def is_fixed(node: object) -> bool:
-        return isinstance(node, Known) or (isinstance(node, Correction) and not node.kind & corrections)
-
+    is_fixed = functools.partial(_is_fixed, corrections=corrections)
     return jax.tree.map(lambda leaf: not is_fixed(leaf) and eqx.is_inexact_array(leaf), model, is_leaf=is_fixed)
+
+
+def _is_fixed(node: object, *, corrections: int) -> bool:
+    """Whether training may change nothing in a part of a model."""
+    return isinstance(node, Known) or (isinstance(node, Correction) and not node.kind & corrections)
 
 
 def without_silent(model: PyTree, *, corrections: int = 0) -> PyTree:
@@ -45,17 +47,21 @@ def without_silent(model: PyTree, *, corrections: int = 0) -> PyTree:
     Returns:
         A model of the same values. The parameters of these kinds are the same ones in the same order.
     """
-
-    def stays(term: AbstractFunction) -> bool:
-        return isinstance(term, Correction) and bool(term.kind & corrections)
-
-    def lean(node: object) -> object:
-        if not isinstance(node, Sum):
-            return node
-        terms = tuple(term for term in node.terms if stays(term) or not is_silent(term))
-        return terms[0] if len(terms) == 1 else Sum(terms)
-
+    lean = functools.partial(_lean, corrections=corrections)
     return jax.tree.map(lean, model, is_leaf=lambda node: isinstance(node, Sum))
+
+
+def _lean(node: object, *, corrections: int) -> object:
+    """A sum without its silent terms, but for corrections of these kinds; any other part as it is."""
+    if not isinstance(node, Sum):
+        return node
+    terms = tuple(term for term in node.terms if _is_one_of(term, corrections) or not is_silent(term))
+    return terms[0] if len(terms) == 1 else Sum(terms)
+
+
+def _is_one_of(term: AbstractFunction, corrections: int) -> bool:
+    """Whether a term is a correction of these kinds."""
+    return isinstance(term, Correction) and bool(term.kind & corrections)
 
 
 def is_silent(node: object) -> bool:
@@ -111,16 +117,17 @@ def kinds_in_use(model: PyTree, q: Coordinates) -> int:
     Returns:
         The kinds of those that are not zero, as flags; 0 if all are.
     """
-
-    def kinds(node: object) -> int:
-        if isinstance(node, Reduced):
-            return kinds_in_use(node.function, q[np.asarray(node.kept)])
-        if not isinstance(node, Correction) or is_silent(node) or not np.any(np.asarray(node(q))):
-            return 0
-        return node.kind
-
     parts = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction | Reduced))
-    return functools.reduce(operator.or_, map(kinds, parts), 0)
+    return functools.reduce(operator.or_, (_kinds_of(part, q) for part in parts), 0)
+
+
+def _kinds_of(node: object, q: Coordinates) -> int:
+    """The kinds of corrections that a part of a model has in use."""
+    if isinstance(node, Reduced):
+        return kinds_in_use(node.function, q[np.asarray(node.kept)])
+    if not isinstance(node, Correction) or is_silent(node) or not np.any(np.asarray(node(q))):
+        return 0
+    return node.kind
 
 
 def count_active(model: PyTree, q: Coordinates) -> int:
