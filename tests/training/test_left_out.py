@@ -58,6 +58,12 @@ def prepared(resting):
     return held, state.model, stages
 
 
+@pytest.fixture(scope="module")
+def whole(resting):
+    """What an uninterrupted training finds."""
+    return fit(resting, model=MODEL, config=CONFIG)
+
+
 @given(count=st.integers(2, 60))
 def test_every_window_is_left_out_once_and_as_many_are_fitted_as_before(count):
     ts = jnp.arange(count, dtype=float)[:, None]
@@ -70,11 +76,10 @@ def test_every_window_is_left_out_once_and_as_many_are_fitted_as_before(count):
         assert fitted.ts.shape == ts.shape
 
 
-def test_dry_friction_is_found_though_the_windows_of_validation_rest(resting):
-    result = fit(resting, model=MODEL, config=CONFIG)
-    assert result.verdicts["friction"].startswith("kept (a loss of ")
-    assert "windows left out in turn" in result.verdicts["friction"]
-    found: Any = result.model
+def test_dry_friction_is_found_though_the_windows_of_validation_rest(whole):
+    assert whole.verdicts["friction"].startswith("kept (a loss of ")
+    assert "windows left out in turn" in whole.verdicts["friction"]
+    found: Any = whole.model
     for speed in (0.5, 2.0):
         q, v = jnp.zeros(1), jnp.array([speed])
         assert found.dissipation_matrix(q, v)[0, 0] * speed == pytest.approx(VISCOUS * speed + DRY, rel=0.2)
@@ -177,8 +182,7 @@ def test_longer_windows_may_be_few_where_energies_are_given(prepared, resting):
     assert not longer_data(held, free, data, CONFIG)
 
 
-def test_a_verdict_that_takes_too_long_is_left_to_the_next_run(resting, tmp_path, monkeypatch):
-    whole = fit(resting, model=MODEL, config=CONFIG)
+def test_a_verdict_that_takes_too_long_is_left_to_the_next_run(resting, whole, tmp_path, monkeypatch):
     refits = []
 
     def is_up(watch):
