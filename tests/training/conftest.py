@@ -20,7 +20,10 @@ from symoden.training._weighing import Weighing
 
 CONSTANT = BlockConfig(constant=True)
 CORRECTED = BlockConfig(hidden=(3,), constant=True)
-WHOLE = {"test_actuation", "test_directions", "test_inertia", "test_potential"}
+WHOLE = {
+    f"test_{name}"
+    for name in ("actuation", "directions", "first_guess", "inertia", "known", "left_out", "potential", "regression")
+}
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from symoden.data import DataWarning, check_dataset, read_dataset
 
@@ -101,6 +101,7 @@ def test_a_clock_of_seconds_that_is_said_to_have_another_unit_is_named(tmp_path,
         assert all(one.advice == "Remove `t [x]` from `units`." for one in clocks)
 
 
+@settings(max_examples=20)
 @given(steps=st.lists(st.floats(0.001, 0.05), min_size=1, max_size=4))
 def test_logs_of_different_rates_have_nothing_wrong(tmp_path_factory, steps):
     path = written(tmp_path_factory.mktemp("rates"), *((step, 1) for step in steps))
