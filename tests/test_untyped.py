@@ -35,6 +35,8 @@ REFUSED = {
     "symoden.fit(data, config={'seed': 1})": "TypeError | Training must be given a `TrainingConfig`; got dict.",
     "symoden.fit(data, resume=True)": "ValueError | Training can be resumed only in a `folder`; got none.",
     "symoden.control.design(symoden.systems.Pendulum(), [0.0], method='pid')": "ValueError | `method` must be one",
+    "symoden.predict(symoden.systems.Pendulum(), swing)": "TypeError | `trajectories` must be a list of rec",
+    "symoden.predict(symoden.systems.Pendulum(), data)": "TypeError | `trajectories` must be a list of rec",
     "symoden.KnownParts(potential_energy='q1', cyclic='q2')": "ValueError | `cyclic` must be a list of names; got the",
 }
 

@@ -55,6 +55,7 @@ def predict(
         One prediction for each recording.
 
     Raises:
+        TypeError: If the recordings are no sequence of them.
         ValueError: If `hold` is no key of `HOLDS`.
 
     Example:
@@ -67,6 +68,11 @@ def predict(
     """
     if hold not in HOLDS:
         raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
+    if not isinstance(trajectories, Sequence):
+        raise TypeError(
+            f"`trajectories` must be a list of recordings; got {type(trajectories).__name__}. Write [recording] for "
+            "one, and `dataset.test` for those of a part."
+        )
     chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
     begun = [_begun(model, trajectory, chosen, solver) for trajectory in trajectories]
     found = dict(paths(model, entire(begun), hold=chosen, solver=solver))

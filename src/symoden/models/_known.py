@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -196,10 +197,20 @@ def _refuse_coordinates(part: str, names: set[str], space: Space) -> None:
 def _refuse_other_shape(
     name: str, shape: tuple[int, ...], part: Callable[..., Any], space: Space, *, moves: bool
 ) -> None:
-    """Refuse a function that gives no array of its block's shape."""
+    """Refuse a function that gives no array of its block's shape, or that JAX cannot trace."""
     q = jnp.zeros(space.size, float)
     both = isinstance(part, AbstractFriction) or (moves and not isinstance(part, AbstractBlock))
-    value = eqx.filter_eval_shape(part, *((q, q) if both else (q,)))
+    try:
+        value = eqx.filter_eval_shape(part, *((q, q) if both else (q,)))
+    except jax.errors.JAXTypeError as error:
+        raise ValueError(
+            f"`{name}` must be a function that JAX can trace and differentiate; it wants numbers in place of arrays. "
+            "Write `jax.numpy` in place of `numpy`, `float` and `math`, and `jnp.where` in place of `if`."
+        ) from error
+    if isinstance(value, list | tuple):
+        raise ValueError(
+            f"`{name}` must be a function that gives an array; got a {type(value).__name__}. Write `jnp.array(…)`."
+        )
     given = np.shape(value)
     if given != shape:
         raise ValueError(
