@@ -1,7 +1,9 @@
 """Conformance checks: sound systems pass them, and each flaw is found by the check for it."""
 
 import dataclasses
-from typing import final
+import re
+from pathlib import Path
+from typing import Any, final
 
 import equinox as eqx
 import jax
@@ -175,3 +177,13 @@ def test_flaws_of_other_dynamics_are_found(flaw, message):
 def test_the_batch_check_alone_finds_a_batch_that_differs():
     with pytest.raises(AssertionError, match="must be the same in a batch and alone"):
         testing.check_batching(Mass(flaw="batch"))
+
+
+def test_the_system_of_the_documentation_passes_every_check():
+    page = (Path(__file__).parents[1] / "docs" / "api" / "testing.md").read_text()
+    (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    here: dict[str, Any] = {"__name__": "page"}
+    exec(compile(code, "docs/api/testing.md", "exec"), here)
+    flipped = dataclasses.replace(here["crane"], damping=-here["crane"].damping)
+    with pytest.raises(AssertionError, match="dissipation_matrix"):
+        testing.check_dissipation_matrix(flipped)
