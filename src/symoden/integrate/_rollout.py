@@ -78,6 +78,9 @@ def rollout(
 ) -> Rollout:
     """Simulate from a measured configuration and its rates.
 
+    A number of samples that is new compiles anew, which takes seconds for a learned model: pad `ts` and `us` to a
+    length that comes again where many differ.
+
     Args:
         dynamics: Analytic system or learned model.
         q0: Coordinates at the first sample.
