@@ -140,7 +140,7 @@ def test_a_dt_that_is_not_what_the_column_of_time_says_is_named(tmp_path, header
             read_dataset(path)
 
 
-@pytest.mark.parametrize("column", ["rows", "temperature", "words", "one recording after the other"])
+@pytest.mark.parametrize("column", ["rows", "temperature", "warming", "words", "recordings"])
 def test_what_is_called_like_time_and_counts_none_is_not_asked(tmp_path, column):
     path = written(tmp_path, (0.005, 1))
     path.write_text(TEXT.replace('time = "t [x]"', "dt = 0.005"))
@@ -153,7 +153,7 @@ def test_what_is_called_like_time_and_counts_none_is_not_asked(tmp_path, column)
         "words": np.full(len(t), "on"),
         "one recording after the other": t,
     }
-    told["one recording after the other"] = 0.005 * (t % 100)
+    told |= {"warming": np.round(20 + 9 * (1 - np.exp(-t / 100)), 1), "recordings": 0.005 * (t % 100)}
     lines = [",".join([str(cell), *row[1:]]) for cell, row in zip(told[column], rows, strict=True)]
     log.write_text("\n".join(["t,q,u", *lines]))
     assert not any(one.channel == "t" for one in check_dataset(path).recordings[0].findings)

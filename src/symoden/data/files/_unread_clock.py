@@ -13,6 +13,7 @@ from ._cells import numbers
 
 _NAME: Final = re.compile(r"(.*[_/. ])?(time|t|ts|timestamp|time_?stamp|stamp|clock|secs?|seconds)([_ ([].*)?", re.I)
 _MOSTLY: Final = 0.95  # Share of rows in which time goes on: in a table of several recordings it may begin anew.
+_EVEN: Final = 3.0  # Large steps over small ones, of time and of rows, up to which it goes on like a clock.
 
 
 class UnreadClock(NamedTuple):
@@ -29,7 +30,7 @@ class UnreadClock(NamedTuple):
 
 
 def unread_clock(path: Path, frame: pl.DataFrame) -> UnreadClock | None:
-    """Find a column that is called as time is, and goes on from row to row. One that counts rows is none.
+    """Find a column that is called as time is, and goes on evenly. One that counts rows is none.
 
     Args:
         path: File of the table, for messages.
@@ -44,7 +45,16 @@ def unread_clock(path: Path, frame: pl.DataFrame) -> UnreadClock | None:
         except DataError:
             continue
         steps = np.diff(stamps[np.isfinite(stamps)])
-        on = steps[steps > 0]
-        if len(on) and (steps >= 0).mean() >= _MOSTLY and not (steps == 1).all():
+        rows = np.flatnonzero(steps > 0)
+        if len(rows) < 2 or (steps >= 0).mean() < _MOSTLY or (steps == 1).all():
+            continue
+        on = steps[rows]
+        if _is_even(on) and _is_even(np.diff(rows)):
             return UnreadClock(name, (float(np.median(on)), float(on.sum() / (steps >= 0).sum())))
     return None
+
+
+def _is_even(steps: np.ndarray) -> bool:
+    """Whether most steps are alike: a temperature that rises is in no hurry, and then it is."""
+    small, large = np.quantile(steps, (0.1, 0.9))
+    return bool(large <= _EVEN * small)
