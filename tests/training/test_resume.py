@@ -13,7 +13,7 @@ import pytest
 
 from symoden.models import BlockConfig, load
 from symoden.storage import StorageError, load_arrays, save_arrays
-from symoden.training import _levenberg_stage, _line_up, fit
+from symoden.training import Progress, _levenberg_stage, _line_up, fit
 from symoden.training._run import Stopwatch
 
 PROGRAM = """
@@ -216,3 +216,8 @@ def test_nothing_is_written_without_a_folder(pendulum, small, quick, tmp_path, m
     monkeypatch.chdir(tmp_path)
     fit(pendulum(), model=small, config=dataclasses.replace(quick, adam_steps=2, lm_steps=0))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_printed_progress_is_a_line_of_words():
+    assert str(Progress("adam", 3, 10, 0.12345, 0.5, 2.4)) == "adam 3/10  loss 0.1235  validation 0.5  2 s"
+    assert str(Progress("growth", 9, 9, 2e-6, None, 60.0, verdict="kept")) == "growth 9/9  loss 2e-06  kept  60 s"

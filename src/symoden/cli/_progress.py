@@ -10,7 +10,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress as Bars, TaskI
 
 from symoden.training import Progress
 
-from ._output import console, number
+from ._output import console
 
 _PAUSE = 2.0
 
@@ -70,7 +70,7 @@ def _on_terminal(bars: Bars) -> Callable[[Progress], None]:
             for earlier in tasks.values():
                 bars.stop_task(earlier)
             tasks[progress.stage] = bars.add_task(progress.stage, total=progress.steps, losses="")
-        bars.update(tasks[progress.stage], completed=progress.step, losses=_losses(progress))
+        bars.update(tasks[progress.stage], completed=progress.step, losses=progress.losses)
 
     return report
 
@@ -96,12 +96,4 @@ def _on_lines() -> Callable[[Progress], None]:
 
 def _say(progress: Progress) -> None:
     """Print a line."""
-    steps = f"{progress.step}/{progress.steps}"
-    print(f"{progress.stage} {steps}  {_losses(progress)}  {progress.seconds:.0f} s", file=sys.stderr, flush=True)
-
-
-def _losses(progress: Progress) -> str:
-    """Losses, and what came of the stage, in words."""
-    validation = "" if progress.validation is None else f"  validation {number(progress.validation)}"
-    verdict = f"  {progress.verdict}" if progress.verdict else ""
-    return f"loss {number(progress.loss)}{validation}{verdict}"
+    print(progress, file=sys.stderr, flush=True)

@@ -26,7 +26,7 @@ _NAMED: Final = 3  # Stages to come that are named; there may be twenty.
 
 
 class Progress(NamedTuple):
-    """How far training is.
+    """How far training is; its string says it in a line.
 
     Attributes:
         stage: Name of the stage.
@@ -47,6 +47,17 @@ class Progress(NamedTuple):
     seconds: float
     outcome: str = ""
     verdict: str = ""
+
+    def __str__(self) -> str:
+        """In a line."""
+        return f"{self.stage} {self.step}/{self.steps}  {self.losses}  {self.seconds:.0f} s"
+
+    @property
+    def losses(self) -> str:
+        """Losses, and what came of the stage, in words."""
+        validation = "" if self.validation is None else f"  validation {self.validation:.4g}"
+        verdict = f"  {self.verdict}" if self.verdict else ""
+        return f"loss {self.loss:.4g}{validation}{verdict}"
 
 
 class Stopwatch:
