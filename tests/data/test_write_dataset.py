@@ -82,19 +82,6 @@ def test_late_velocities_come_back_as_they_were(tmp_path):
     np.testing.assert_array_equal(read_dataset(tmp_path / "d.toml").train[0].rates, late.rates)
 
 
-def test_velocities_that_were_estimated_are_when_they_are_read_again(tmp_path):
-    ts = 0.005 * np.arange(400)
-    rows = np.column_stack([ts, np.round(np.sin(4 * ts), 3)])
-    np.savetxt(tmp_path / "swing.csv", rows, delimiter=",", header="t,q", comments="")
-    (tmp_path / "a.toml").write_text('space = "T1"\ntime = "t"\npositions = ["q"]\n[train]\nfiles = ["swing.csv"]\n')
-    first = read_dataset(tmp_path / "a.toml")
-    write_dataset(tmp_path / "b.toml", first)
-    again = read_dataset(tmp_path / "b.toml")
-    assert first.train[0].noise_gain is not None
-    np.testing.assert_array_equal(again.train[0].noise_gain, first.train[0].noise_gain)
-    assert again.digest == first.digest
-
-
 def test_recordings_of_before_are_no_part_of_it_but_not_removed(tmp_path):
     for names in ("abc", "cd"):
         data = Dataset(name="arm", space="T2", train=tuple(recording(name, ord(name)) for name in names))

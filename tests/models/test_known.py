@@ -290,7 +290,8 @@ MISFITS = [
     ({"input_matrix": [[1, 0], [0, 1]]}, "`input_matrix` must be 2 × 1; got 2 × 2"),
     ({"potential_energy": "cos(q3)"}, "has the coordinates q1 to q2; got `q3`"),
     ({"mass_matrix": lambda q: q}, "must be a function that gives an array, 2 × 2; got 2"),
-    ({"mass_matrix": lambda q: [[1.0 + q[0] ** 2, 0.0], [0.0, 1.0]]}, r"gives an array; got a list. Write `jnp.array"),
+    ({"mass_matrix": lambda q: [[1.0 + q[0] ** 2, 0.0], [0.0, 1.0]]}, r"gives an array; got list. Return `jnp.array"),
+    ({"potential_energy": lambda q: None}, "gives an array; got NoneType"),
     (
         {"potential_energy": lambda q: np.cos(q[0])},
         "`potential_energy` must be a function that JAX can trace .* in place",

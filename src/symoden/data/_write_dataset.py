@@ -25,8 +25,7 @@ def write_dataset(path: Path | str, dataset: Dataset) -> None:
 
     Args:
         path: The description, by custom `<name>.toml`.
-        dataset: The data set. Names of columns are not kept. Where all velocities were estimated from the positions,
-            the description names none, so that they are when it is read.
+        dataset: The data set. Names of columns are not kept, nor whether velocities were estimated.
 
     Raises:
         DataError: If a name is no name of a file or is there twice, the recordings' numbers of initial samples differ,
@@ -57,13 +56,11 @@ def write_dataset(path: Path | str, dataset: Dataset) -> None:
     known = zip(dataset.position_units, angles_of(path, dataset.space), strict=True)
     column = "q" if dataset.size == 1 else "q[{}]"  # As a table names them.
     units = [f'"{column.format(i)}" = "{unit}"' for i, (unit, angle) in enumerate(known) if unit and not angle]
-    estimated = all(recording.noise_gain is not None for recording in dataset.recordings)
-    velocities = [] if estimated else ['velocities = "v"', "trust_velocities = true"]
     lines = [
         f"space = {json.dumps(dataset.space)}",
         'time = "t"',
         'positions = "q"',
-        *(['momenta = "p"'] if dataset.momenta else velocities),
+        *(['momenta = "p"'] if dataset.momenta else ['velocities = "v"', "trust_velocities = true"]),
         *(['inputs = "u"', f"hold = {json.dumps(dataset.hold)}"] if dataset.inputs else []),
         *([f"units = {{ {', '.join(units)} }}"] if units else []),
         *([] if dataset.input_matrix is None else [f"input_matrix = {dataset.input_matrix.tolist()}"]),

@@ -207,9 +207,9 @@ def _refuse_other_shape(
             f"`{name}` must be a function that JAX can trace and differentiate; it wants numbers in place of arrays. "
             "Write `jax.numpy` in place of `numpy`, `float` and `math`, and `jnp.where` in place of `if`."
         ) from error
-    if isinstance(value, list | tuple):
+    if value is None or isinstance(value, list | tuple | dict):
         raise ValueError(
-            f"`{name}` must be a function that gives an array; got a {type(value).__name__}. Write `jnp.array(…)`."
+            f"`{name}` must be a function that gives an array; got {type(value).__name__}. Return `jnp.array(…)`."
         )
     given = np.shape(value)
     if given != shape:

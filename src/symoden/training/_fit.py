@@ -139,7 +139,7 @@ def fit(
         >>> result.outcome
         'all steps taken'
     """
-    model, config = model or ModelConfig(), config or TrainingConfig()
+    model, config = ModelConfig() if model is None else model, TrainingConfig() if config is None else config
     _refuse_other_types(dataset, model, config)
     check_members(members, config)
     folder = None if folder is None else Path(folder)
@@ -203,10 +203,8 @@ def _refuse_overwriting(journal: Journal, *, resume: bool) -> None:
             raise ValueError("Training can be resumed only in a `folder`; got none. Name that of the run.")
         return
     if not resume and (journal.checkpoint.exists() or (journal.folder / MODEL).exists()):
-        raise StorageError(
-            f"`{journal.folder}` must hold no run; it has one. `resume=True` goes on with it, or adds members; else "
-            "name another folder."
-        )
+        goes_on = " `resume=True` goes on with it, or adds members." if journal.checkpoint.exists() else ""
+        raise StorageError(f"`{journal.folder}` must hold no run; it has one. Name another folder.{goes_on}")
 
 
 def _refuse_lost(state: TrainingState, config: TrainingConfig, *, completed: bool) -> None:

@@ -17,7 +17,7 @@ from ._arrays import STAR, read_hdf5, read_mat, read_npz, starred
 from ._cells import holds_lists, label, lists, numbers, texts
 from ._limits import refuse_large
 from ._tables import TEXTS, read_csv, read_parquet
-from ._unread_clock import UnreadClock, unread_clock
+from ._unread_clock import UnreadClock, unread_clocks
 
 Selector: TypeAlias = str | tuple[str, ...]  # a 2-D variable (in a table: a column), or a column each
 
@@ -61,7 +61,7 @@ class Rows:
         label: The one that they all belong to, where they were taken apart by these.
         interval: Number of the interval of rows that they are, from 1 on, where the description names several.
         odd: Numbers that no machine has, of columns that formulas are made of.
-        clock: Column of a table that counts time, where none was asked for.
+        clocks: Columns of a table that count time, where none was asked for.
     """
 
     path: Path
@@ -72,7 +72,7 @@ class Rows:
     label: str | None = None
     interval: int | None = None
     odd: tuple[OddNumbers, ...] = ()
-    clock: UnreadClock | None = None
+    clocks: tuple[UnreadClock, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -147,7 +147,9 @@ def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice, reco
     columns |= {name: each[:, None] for name, each in numbers(path, frame, plain, first_row=first).items()}
     labels = None if recording is None else texts(path, frame, recording)
     found = _rows_of(path, selectors, columns, index, labels)
-    return found if "time" in selectors else dataclasses.replace(found, clock=unread_clock(path, frame))
+    if "time" in selectors:
+        return found
+    return dataclasses.replace(found, clocks=unread_clocks(path, frame, {*named, recording or ""}))
 
 
 def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None) -> Rows:

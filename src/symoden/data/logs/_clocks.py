@@ -7,6 +7,7 @@ import numpy as np
 
 from symoden.data._findings import Finding
 from symoden.data.description import Description, entry, split_unit
+from symoden.data.files import UnreadClock
 from symoden.data.signals import usual_step
 
 from ._logs import Log
@@ -100,16 +101,12 @@ def _slow_rows(step: float, description: Description) -> tuple[Finding, ...]:
 
 
 def _other_rows(log: Log, dt: float) -> tuple[Finding, ...]:
-    """A column of time that is not read says another time from row to row than the description."""
-    if log.clock is None:
+    """Columns of time that are not read say another time from row to row than the description."""
+    told = [(clock, unit) for clock in log.clocks if (unit := split_unit(clock.name)[1]) or not clock.whole]
+    if not told or any(_may_be(clock, unit, dt) for clock, unit in told):
         return ()
-    (name, steps), unit = log.clock, split_unit(log.clock.name)[1]
-    units = {"s": 1.0} | {key: factor for factor, _, key in _UNITS}
-    every = [step / factor for step in steps for factor in ([units[unit]] if unit in units else units.values())]
-    likely = [step for step in every if _FAST <= step < SLOW] or every
-    if any(abs(step - dt) <= _SAME * dt for step in likely):
-        return ()
-    step = f"{steps[0]:.4g}" + (f" {unit}" if unit in units else "")
+    (name, steps, _), unit = told[0]
+    step = f"{steps[0]:.4g}{unit and ' '}{unit}"
     return (
         Finding(
             kind="time",
@@ -120,6 +117,15 @@ def _other_rows(log: Log, dt: float) -> tuple[Finding, ...]:
             "correct `dt`: by a wrong time masses and friction are wrong.",
         ),
     )
+
+
+def _may_be(clock: UnreadClock, unit: str, dt: float) -> bool:
+    """Whether a clock goes on by a time, in its unit or, if that is not known, in any."""
+    units = {"s": 1.0} | {key: factor for factor, _, key in _UNITS}
+    if unit not in units and (unit or clock.name[-1] in ")]"):
+        return True  # Minutes, or ticks.
+    factors = [units[unit]] if unit else units.values()
+    return any(abs(step / factor - dt) <= _SAME * dt for step in clock.steps for factor in factors)
 
 
 def _fast(log: Log, step: float, description: Description) -> tuple[Finding, ...]:

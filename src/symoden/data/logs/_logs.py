@@ -119,7 +119,7 @@ class Log:
         arrivals: That its time stamps were found to be those of arrival, if so.
         repeats: Rows of the file that repeat the one before, time stamp and all, which the log lacks.
         bridges: Numbers of inputs that were missing or wrong, and bridged.
-        clock: Column of its file that counts time, where the description names none.
+        clocks: Columns of its file that count time, where the description names none.
     """
 
     part: str
@@ -137,7 +137,7 @@ class Log:
     arrivals: Arrivals | None = None
     repeats: tuple[int, ...] = ()
     bridges: tuple[Bridge, ...] = ()
-    clock: UnreadClock | None = None
+    clocks: tuple[UnreadClock, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows T."""
@@ -305,7 +305,7 @@ def _log(part: str, name: str, rows: Rows, description: Description, is_angle: n
         units=_si_units(rows, description, is_angle),
         impossible=impossible,
         repeats=repeats,
-        clock=rows.clock,
+        clocks=rows.clocks,
     )
 
 

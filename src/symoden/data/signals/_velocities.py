@@ -44,6 +44,8 @@ def estimate_velocities(ts: Times, q: Positions, *, name: str, spans: Int[np.nda
         Savitzky and Golay (1964), *Smoothing and differentiation of data by simplified least squares procedures*.
     """
     ts, q = finite_numbers(ts, f"`{name}`: `ts`", axes=1), finite_numbers(q, f"`{name}`: `q`", axes=2)
+    if len(ts) < 2:
+        raise DataError(f"`{name}`: velocities are estimated from at least 2 samples; got {len(ts)}.")
     if len(ts) != len(q):
         raise DataError(f"`{name}`: `ts` (T,) and `q` (T, n) must agree in T; got shapes {ts.shape} and {q.shape}.")
     refuse_times_out_of_order(ts, f"`{name}`: `ts`")
