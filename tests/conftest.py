@@ -2,10 +2,12 @@
 
 import dataclasses
 import functools
+from pathlib import Path
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import jaxtyping
 import numpy as np
 import pytest
 
@@ -16,6 +18,45 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import TrainingConfig
+
+UNCHECKED = {
+    "data": {
+        "accuracy",
+        "arrivals",
+        "blind",
+        "bridges",
+        "check",
+        "clocks",
+        "contradictions",
+        "false_cyclic",
+        "feedback",
+        "hold",
+        "impossible",
+        "input_signs",
+        "kinematics",
+        "late",
+        "late_inputs",
+        "lone_inputs",
+        "masking",
+        "stuck",
+        "velocities",
+    },
+    "training": {"actuation", "directions", "first_guess", "inertia", "known", "left_out", "potential", "regression"},
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _unchecked_annotations(request):
+    """Check no annotations where whole data sets are read, or models trained, again and again: others check the same.
+
+    There it takes 40 % of the time of tests of data, and an eighth of those of training.
+    """
+    before = jaxtyping.config.jaxtyping_disable
+    folder = request.path.relative_to(Path(__file__).parent).parts[0]
+    if request.path.stem.removeprefix("test_") in UNCHECKED.get(folder, ()):
+        jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", before)
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """Words that messages share."""
 
+import math
 from collections.abc import Iterable
 from typing import Final
 
@@ -56,3 +57,17 @@ def percent(share: float) -> str:
         ('0.18%', '12%', '100%')
     """
     return f"{100 * share:.2g}%" if share < 0.995 else "100%"
+
+
+def number(value: float | None) -> str:
+    """Number in four digits, or a dash for none.
+
+    Args:
+        value: Any number.
+
+    Returns:
+        The text.
+    """
+    if value is None or math.isnan(value):
+        return "-"
+    return f"{value:.4g}"

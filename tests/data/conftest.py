@@ -1,35 +1,9 @@
 """Logs of an arm of two joints, their description, and what a check finds in them."""
 
-import jaxtyping
 import numpy as np
-import pytest
 
 from symoden.data import check_dataset
 
-WHOLE = {
-    f"test_{name}"
-    for name in (
-        "accuracy",
-        "arrivals",
-        "blind",
-        "bridges",
-        "check",
-        "clocks",
-        "contradictions",
-        "false_cyclic",
-        "feedback",
-        "hold",
-        "impossible",
-        "input_signs",
-        "kinematics",
-        "late",
-        "late_inputs",
-        "lone_inputs",
-        "masking",
-        "stuck",
-        "velocities",
-    )
-}
 TEXT = """
 space = "T2"
 time = "t"
@@ -41,16 +15,6 @@ inputs = ["u1", "u2"]
 files = [{files}]
 """
 NAMES = ("t", "q1", "q2", "v1", "v2", "u1", "u2")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _unchecked_annotations(request):
-    """Do not check annotations where whole data sets are read again and again: there it takes 40 % of the time."""
-    before = jaxtyping.config.jaxtyping_disable
-    if request.path.stem in WHOLE:
-        jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)
 
 
 def arm(seed=0, *, samples=2000, step=0.005, quantum=0.0, noise=0.0, amplitude=1.0, jitter=0.3):

@@ -4,7 +4,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -20,20 +19,6 @@ from symoden.training._weighing import Weighing
 
 CONSTANT = BlockConfig(constant=True)
 CORRECTED = BlockConfig(hidden=(3,), constant=True)
-WHOLE = {
-    f"test_{name}"
-    for name in ("actuation", "directions", "first_guess", "inertia", "known", "left_out", "potential", "regression")
-}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _unchecked_annotations(request):
-    """Do not check annotations where whole trainings find what moves a mechanism: other tests check the same ones."""
-    before = jaxtyping.config.jaxtyping_disable
-    if request.path.stem in WHOLE:
-        jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)
 
 
 @pytest.fixture(scope="session")

@@ -28,12 +28,12 @@ from symoden.storage import write_atomically
 from symoden.systems import Machine
 from symoden.training import POSTERIOR, AbstractPosterior
 from symoden.units import titled
-from symoden.wording import LEARNED
+from symoden.wording import LEARNED, number
 
 from ._arguments import Control
 from ._figure import save_figure
 from ._learned import name_untold_inputs, own_source, posterior_of
-from ._output import number, print_json, print_table
+from ._output import print_json, print_table
 from ._words import name_unfinished
 
 _TIMES: Final = 4  # As far as the tolerance is what tells nothing.

@@ -5,11 +5,12 @@ from dataclasses import asdict
 from pathlib import Path
 
 from symoden.evaluation import Certainty, IdentifiedJoint, Inspection, write_urdf
+from symoden.wording import number
 
 from ._arguments import Inspect
 from ._figure import check_figure, save_figure
 from ._learned import Learned
-from ._output import TableText, number, print_json, print_table
+from ._output import TableText, print_json, print_table
 from ._tables import facts, tables
 from ._words import audit_as_json, audit_words, certainty_words, name_unfinished, training_words
 

@@ -13,8 +13,9 @@ from rich.table import Table
 
 from symoden.experiments import Cell, CellResult, MeanStd
 from symoden.training import Progress
+from symoden.wording import number
 
-from ._output import console, number
+from ._output import console
 
 _PAUSE = 15.0
 _AROUND = 8  # Lines of the display that are no cells, and one of air.

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from symoden.storage import write_atomically
+from symoden.wording import number
 
 _WIDE = 200
 _BETWEEN = 3  # Characters between columns, at most.
@@ -81,20 +82,6 @@ def _that_fit(widths: Sequence[int], most: int) -> list[list[int]]:
         tables[-1].append(i)
         total += width
     return tables
-
-
-def number(value: float | None) -> str:
-    """Number in four digits, or a dash for none.
-
-    Args:
-        value: Any number.
-
-    Returns:
-        The text.
-    """
-    if value is None or math.isnan(value):
-        return "-"
-    return f"{value:.4g}"
 
 
 def print_json(value: Mapping[str, object]) -> None:

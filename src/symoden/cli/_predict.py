@@ -12,10 +12,11 @@ from symoden.experiments import RunConfig, evaluation_solver, read_model, read_r
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 from symoden.storage import StorageError
+from symoden.wording import number
 
 from ._arguments import Predict
 from ._learned import bands_of, own_source, posterior_of
-from ._output import check_npz, number, print_json, save_npz
+from ._output import check_npz, print_json, save_npz
 from ._progress import show_work
 from ._words import name_unfinished
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING
 from symoden.evaluation import score_bands
 from symoden.experiments import RunConfig
 from symoden.storage import StorageError
+from symoden.wording import number
 
 from ._arguments import Report
 from ._learned import MOST_DRAWN, Learned, draw_unseen, unseen
-from ._output import TableText, number, print_json
+from ._output import TableText, print_json
 from ._scores import scores_of
 from ._tables import facts, tables
 from ._words import audit_words, band_words, certainty_words, training_words

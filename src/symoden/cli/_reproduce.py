@@ -12,12 +12,13 @@ from symoden.experiments import Cell, CellResult, Row, cells, check_cell, read_r
 from symoden.report import flat_row, table_title, write_tables
 from symoden.storage import exclusive
 from symoden.training import TrainingError
+from symoden.wording import number
 
 from ._arguments import Reproduce
 from ._figure import save_figure
 from ._jobs import run_cells
 from ._live import show_cells
-from ._output import number, print_json, print_table
+from ._output import print_json, print_table
 
 _DPI = 110
 _SHORT = 10

@@ -12,9 +12,9 @@ from symoden.blocks import count_parameters
 from symoden.evaluation import RecordingScore, score_recordings
 from symoden.experiments import MeanStd, RunConfig, Source, Task, TaskScore, evaluation_solver, score_task
 from symoden.mechanics import AbstractDynamics
-from symoden.wording import first_few
+from symoden.wording import first_few, number
 
-from ._output import TableText, number, print_table
+from ._output import TableText, print_table
 
 _ERRORS = ("train", "test", "prediction")
 _FEW = 4  # Coordinates that have a column each.

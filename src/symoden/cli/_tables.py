@@ -7,8 +7,9 @@ from typing import Final
 from symoden.evaluation import Certainty, Inspection, Profile
 from symoden.experiments import RunConfig
 from symoden.units import titled
+from symoden.wording import number
 
-from ._output import TableText, number
+from ._output import TableText
 from ._words import size_words
 
 _ROUNDING: Final = 1e-12

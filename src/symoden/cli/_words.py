@@ -8,8 +8,7 @@ from typing import Final
 
 from symoden.evaluation import Audit, BandScore, Certainty
 from symoden.experiments import RunConfig
-
-from ._output import number
+from symoden.wording import number
 
 _NONE: Final = 1e-6  # Relative width of a band that is none.
 _MOSTLY: Final = 0.7  # Half of the variance.

@@ -98,9 +98,9 @@ class Trajectory:
 
     def __repr__(self) -> str:
         """What it is, in a line."""
-        (n, m), estimated = (self.q.shape[1], self.us.shape[1]), self.noise_gain is not None
-        rates = ", estimated rates" if estimated else ""
-        return f"Trajectory({self.name!r}: {len(self)} samples, {self.duration:.6g} s, n = {n}, m = {m}{rates})"
+        sizes = f"n = {self.q.shape[1]}, m = {self.us.shape[1]}"
+        rates = "" if self.noise_gain is None else ", estimated rates"
+        return f"Trajectory({self.name!r}: {len(self)} samples, {self.duration:.6g} s, {sizes}{rates})"
 
     def __len__(self) -> int:
         """Number of samples T."""

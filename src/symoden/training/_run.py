@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from symoden.storage import StorageError, write_atomically
-from symoden.wording import first_few
+from symoden.wording import first_few, number
 
 from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
 from ._stages import AbstractStage, Clock, OutOfTime, never
@@ -55,9 +55,9 @@ class Progress(NamedTuple):
     @property
     def losses(self) -> str:
         """Losses, and what came of the stage, in words."""
-        validation = "" if self.validation is None else f"  validation {self.validation:.4g}"
+        validation = "" if self.validation is None else f"  validation {number(self.validation)}"
         verdict = f"  {self.verdict}" if self.verdict else ""
-        return f"loss {self.loss:.4g}{validation}{verdict}"
+        return f"loss {number(self.loss)}{validation}{verdict}"
 
 
 class Stopwatch:
