@@ -14,6 +14,7 @@ ts = np.linspace(0.0, 1.0, 20)
 q, none = np.cos(3 * ts)[:, None], np.zeros((20, 0))
 swing = Trajectory(name="swing", ts=ts, q=q, rates=q, us=none)
 data = Dataset(name="arm", space="T1", train=(swing,))
+said = {{"space": "T1", "dt": 0.05, "positions": ["q"], "train": {{"files": ["a"]}}}}
 symoden.data.estimate_velocities(ts.tolist(), q.tolist(), name="lists")
 for text in {calls}:
     try:
@@ -30,6 +31,9 @@ REFUSED = {
     "symoden.data.estimate_velocities(ts, q[:, 0], name='a')": "DataError | `a`: `q` must be an array of real numbers",
     "symoden.data.estimate_velocities(ts[::-1], q, name='a')": "DataError | `a`: `ts`, row 1: times must increase",
     "symoden.data.estimate_velocities(ts, q * np.nan, name='a')": "DataError | `a`: `q`, row 0: must be",
+    "symoden.read_dataset(5)": "DataError | A description must be the path of a TOML file, or a mapping of its",
+    "symoden.read_dataset(said, tables=[q])": "DataError | `tables` must be a mapping of names to tables",
+    "symoden.read_dataset(said, tables={'a': 'a.csv'})": "DataError | `a`: a table must be a mapping of",
     "symoden.fit([swing])": "TypeError | Training must be given a `Dataset`; got list.",
     "symoden.fit(data, model='dissipative')": "TypeError | Training must be given a `ModelConfig`; got str.",
     "symoden.fit(data, config={'seed': 1})": "TypeError | Training must be given a `TrainingConfig`; got dict.",

@@ -27,6 +27,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "TrainingConfig": "symoden.training",
     "Trajectory": "symoden.data",
     "build": "symoden.models",
+    "check_dataset": "symoden.data",
     "design": "symoden.control",
     "fit": "symoden.training",
     "load": "symoden.models",

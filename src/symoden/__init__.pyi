@@ -2,6 +2,7 @@ from symoden.control import design as design, run_episodes as run_episodes
 from symoden.data import (
     Dataset as Dataset,
     Trajectory as Trajectory,
+    check_dataset as check_dataset,
     read_dataset as read_dataset,
     write_dataset as write_dataset,
 )

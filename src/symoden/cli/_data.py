@@ -3,22 +3,18 @@
 import dataclasses
 import statistics
 import sys
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from symoden.data import ChannelFacts, DataError, DatasetCheck, Finding, RecordingCheck, check_dataset
-from symoden.wording import first_few
 
 from ._arguments import Data
 from ._figure import check_figure, save_figure
 from ._output import print_json, print_table
 
-_LEVELS = ("refused", "warning", "masked", "note")
 _DPI = 200
-_NAMED = 3  # other recordings that a line names
 
 
 def run(command: Data) -> None:
@@ -44,7 +40,7 @@ def run(command: Data) -> None:
     else:
         _print_recordings(check)
         _print_channels(check)
-        _print_findings(check)
+        print(f"\nFindings\n{check}")
         if command.figure is not None:
             print(f"\n{'nothing is drawn' if figure is None else f'all recordings are drawn in {figure}'}")
     if check.refused:
@@ -113,47 +109,6 @@ def _interval(values: Sequence[float]) -> str:
     """The values in three digits, as one number or as least to most."""
     texts = [f"{value:.3g}" for value in (min(values), max(values))] if values else ["-"]
     return " to ".join(dict.fromkeys(texts))
-
-
-def _print_findings(check: DatasetCheck) -> None:
-    """The findings in words, what is worst first, each kind of a column once."""
-    print("\nFindings")
-    groups = list(_grouped(check))
-    if not any(finding.level != "note" for finding, _ in groups):
-        print("nothing looks wrong" + ("; worth knowing:" if groups else ""))
-    ordered = [pair for level in _LEVELS for pair in groups if pair[0].level == level]
-    for k, (finding, names) in enumerate(ordered):
-        print(f"- {finding.level}{_where(names)}: {finding.text}{'' if finding.text.endswith(('.', '?')) else '.'}")
-        repeated = k + 1 < len(ordered) and ordered[k + 1][0].advice == finding.advice
-        if finding.advice and not repeated:  # What follows has the same: it is said after that.
-            print(f"  {finding.advice}")
-
-
-def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, list[str]]]:
-    """What cannot be read, then findings of the data set and of recordings: the first of its kind, and who has it."""
-    reasons: dict[str, tuple[Finding, list[str]]] = {}
-    for each in check.unreadable:
-        reason = each.finding.text.replace(str(each.path), "")  # Files with the same one are named together.
-        reasons.setdefault(reason, (each.finding, []))[1].append(each.name)
-    yield from reasons.values()
-    for finding in check.findings:
-        yield finding, []
-    groups: dict[tuple[str, str, str], tuple[Finding, list[str]]] = {}
-    parts = Counter(each.log.name for each in check.recordings)  # One file may have rows in several.
-    for each in check.recordings:
-        name = f"{each.log.name} [{each.log.part}]" if parts[each.log.name] > 1 else each.log.name
-        for finding in each.findings:
-            key = (finding.level, finding.kind, finding.channel)
-            groups.setdefault(key, (finding, []))[1].append(name)
-    yield from groups.values()
-
-
-def _where(names: list[str]) -> str:
-    """The recording that the words are about, and the others that have the same."""
-    if not names:
-        return ""
-    first, *others = names
-    return f" in {first}" + (f" (and {len(others)} more: {first_few(others, _NAMED)})" if others else "")
 
 
 def _draw(check: DatasetCheck, path: Path) -> None:

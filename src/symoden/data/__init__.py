@@ -1,7 +1,8 @@
 """Recorded motion: trajectories, data sets of trajectories of any length, windows; files of them."""
 
-from ._check import DatasetCheck as DatasetCheck, RecordingCheck as RecordingCheck, check_dataset as check_dataset
+from ._check import check_dataset as check_dataset
 from ._dataset import Dataset as Dataset
+from ._dataset_check import DatasetCheck as DatasetCheck, RecordingCheck as RecordingCheck
 from ._errors import DataError as DataError, DataWarning as DataWarning
 from ._findings import Finding as Finding
 from ._horizons import (
@@ -30,6 +31,7 @@ from ._windows import (
 )
 from ._write_dataset import write_dataset as write_dataset
 from .description import Unreadable as Unreadable
+from .files import Table as Table
 from .logs import ChannelFacts as ChannelFacts, Log as Log
 from .signals import (
     SensorNoise as SensorNoise,
@@ -56,6 +58,7 @@ __all__ = [
     "Log",
     "RecordingCheck",
     "SensorNoise",
+    "Table",
     "Trajectory",
     "Unreadable",
     "WindowLength",

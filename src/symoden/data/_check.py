@@ -1,13 +1,13 @@
 """Checking a data set: what was read, and what is wrong with it."""
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from ._dataset_check import DatasetCheck, RecordingCheck
 from ._errors import DataError
 from ._findings import SHOWN_SPANS, Finding, refusal
 from ._read_dataset import assemble, with_full_names
@@ -26,8 +26,9 @@ from .checks import (
     stands_still,
     survey,
 )
-from .description import Description, Unreadable, read_description
+from .description import Description, read_description
 from .dynamics import find_doubts
+from .files import Table
 from .logs import (
     ChannelFacts,
     Log,
@@ -49,55 +50,12 @@ _ENDS = 2  # First and last rows of a recording, in which inputs are switched on
 _FEW_CLOCKS = 8  # Times that one is set back; rows in another order are off more often.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RecordingCheck:
-    """What was found in one file's rows of one part.
-
-    Attributes:
-        log: The numbers as they were logged, in SI and rad.
-        recordings: How many recordings training makes of it; 0 if it refuses it.
-        duration: Time from the first to the last time stamp [s].
-        steps: Smallest, median and largest step of time [s].
-        missing: Rows that lack a number.
-        gaps: Start and end of each gap at which it is split [s].
-        channels: Facts of every column; none where too few rows are complete.
-        findings: What is worth saying.
-    """
-
-    log: Log
-    recordings: int
-    duration: float
-    steps: tuple[float, float, float]
-    missing: int
-    gaps: tuple[tuple[float, float], ...]
-    channels: tuple[ChannelFacts, ...]
-    findings: tuple[Finding, ...]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DatasetCheck:
-    """What was found in a data set.
-
-    Attributes:
-        description: What the description says.
-        recordings: What was found in each file that can be read, part by part.
-        findings: What is worth saying of them together.
-        unreadable: The other files, and recordings in files.
-    """
-
-    description: Description
-    recordings: tuple[RecordingCheck, ...]
-    findings: tuple[Finding, ...]
-    unreadable: tuple[Unreadable, ...] = ()
-
-    @property
-    def refused(self) -> bool:
-        """Whether training refuses the data."""
-        every = [*self.findings, *(finding for each in self.recordings for finding in each.findings)]
-        return bool(self.unreadable) or any(finding.level == "refused" for finding in every)
-
-
-def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck:
+def check_dataset(
+    description: Path | str | Mapping[str, object],
+    *,
+    space: str | None = None,
+    tables: Mapping[str, Table] | None = None,
+) -> DatasetCheck:
     """Read the files of a description, and look for what can be wrong with logs.
 
     Rows without numbers, gaps, time stamps that do not increase, sensors that stand still, wrong units, signs and
@@ -105,8 +63,9 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     nothing, and copied files.
 
     Args:
-        path: The description.
+        description: The description's file, or a mapping of its keys.
         space: Configuration space to take instead of the description's.
+        tables: Tables in memory, by the names that the description gives as `files` (see `read_dataset`).
 
     Returns:
         What was found; whatever else `read_dataset` refuses is a finding here, and a file that cannot be read is named.
@@ -119,12 +78,11 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
         >>> [finding.text for finding in check.recordings[0].findings]  # doctest: +SKIP
         ['`pos_meas1` does not change at all from 3.2 to 5.1 s while the machine moves: a stuck sensor?']
     """
-    path = Path(path)
-    description = read_description(path, space=space)
-    is_angle = angles(path, description)
-    reading = read_all(path, description, is_angle)
-    used, rows, examinations, replaced = survey(reading.logs, description, is_angle)
-    made = [_made(log, chosen, description, is_angle) for log, chosen in zip(used, rows, strict=True)]
+    said = read_description(description, space=space, tables=tables)
+    is_angle = angles(said)
+    reading = read_all(said, is_angle)
+    used, rows, examinations, replaced = survey(reading.logs, said, is_angle)
+    made = [_made(log, chosen, said, is_angle) for log, chosen in zip(used, rows, strict=True)]
     checks = tuple(
         dataclasses.replace(_check(log, recordings, outcome, examination, is_angle), log=logged)
         for logged, log, (recordings, outcome), examination in zip(reading.logs, used, made, examinations, strict=True)
@@ -132,19 +90,17 @@ def check_dataset(path: Path | str, *, space: str | None = None) -> DatasetCheck
     checks = tuple(_advised(check, checks) for check in checks)
     checks = tuple(
         dataclasses.replace(check, findings=(*clocks, *check.findings))
-        for check, clocks in zip(checks, find_other_clocks(reading.logs, description), strict=True)
+        for check, clocks in zip(checks, find_other_clocks(reading.logs, said), strict=True)
     )
     together = [
         *map(refusal, reading.refusals),
-        *([] if reading.refusals else find_ended(description, reading.logs)),
+        *([] if reading.refusals else find_ended(said, reading.logs)),
         *([replaced] if replaced else []),
         *_idle_everywhere(checks),
         *find_counted_zeros(reading.logs, [check.channels for check in checks]),
-        *_together(path, description, reading, made, is_angle),
+        *_together(said, reading, made, is_angle),
     ]
-    return DatasetCheck(
-        description=description, recordings=checks, findings=tuple(together), unreadable=reading.unreadable
-    )
+    return DatasetCheck(description=said, recordings=checks, findings=tuple(together), unreadable=reading.unreadable)
 
 
 def _made(
@@ -160,7 +116,6 @@ def _made(
 
 
 def _together(
-    path: Path,
     description: Description,
     reading: Reading,
     made: Sequence[tuple[tuple[Trajectory, ...], Mask | DataError]],
@@ -173,7 +128,7 @@ def _together(
         return []
     logs, recordings = zip(*usable, strict=True)
     try:
-        dataset = assemble(path, description, logs, recordings)
+        dataset = assemble(description, logs, recordings)
         check_trainable(dataset)
     except DataError as error:
         return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.

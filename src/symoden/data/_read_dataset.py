@@ -15,20 +15,29 @@ from ._trajectory import Trajectory
 from .checks import Examination, find_merged, survey
 from .description import Description, Unreadable, of_column, read_description, split_unit
 from .dynamics import find_doubts
+from .files import Table
 from .logs import Log, Mask, angles, find_arrivals, find_copies, find_other_clocks, find_uneven, read_all, recordings_of
 
 _SHOWN = 3  # recordings that a warning names
 
 
-def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
-    """Read the data set that a TOML file describes.
+def read_dataset(
+    description: Path | str | Mapping[str, object],
+    *,
+    space: str | None = None,
+    tables: Mapping[str, Table] | None = None,
+) -> Dataset:
+    """Read the data set that a TOML file describes, or a mapping of the same keys.
 
     Rows that lack a number are left out, and a recording is split at gaps in time. `check_dataset` tells more.
 
     Args:
-        path: The description.
+        description: The description's file, or a mapping of its keys; files that this names are looked for in the
+            working directory.
         space: Configuration space to take instead of the description's, such as "R1" for an angle that shall count as
             a number.
+        tables: Tables in memory, by the names or patterns that the description gives as `files`, and in place of
+            these: mappings of names to arrays, data frames of pandas or Polars, structured arrays.
 
     Returns:
         Its recordings: angles without jumps of 2π, late velocities estimated anew, inputs delayed, resampled and split
@@ -46,35 +55,39 @@ def read_dataset(path: Path | str, *, space: str | None = None) -> Dataset:
         >>> arm = read_dataset("arm.toml")  # doctest: +SKIP
         >>> [recording.name for recording in arm.test]  # doctest: +SKIP
         ['20230629-143524']
+        >>> ts = np.linspace(0.0, 2.0, 201)
+        >>> columns = {"time": "t", "positions": ["q"], "inputs": ["u"]}
+        >>> said = {"space": "T1", **columns, "train": {"files": ["swing*"]}}
+        >>> read_dataset(said, tables={"swing1": {"t": ts, "q": np.sin(3 * ts), "u": np.zeros(201)}}).train
+        (Trajectory('swing1': 201 samples, 2 s, n = 1, m = 1, estimated rates),)
     """
-    path = Path(path)
-    description = read_description(path, space=space)
-    is_angle = angles(path, description)
-    logs, unreadable, refusals = read_all(path, description, is_angle)
-    _refuse_unreadable(path, unreadable)
-    used, rows, examinations, replaced = survey(logs, description, is_angle)
+    said = read_description(description, space=space, tables=tables)
+    is_angle = angles(said)
+    logs, unreadable, refusals = read_all(said, is_angle)
+    _refuse_unreadable(said, unreadable)
+    used, rows, examinations, replaced = survey(logs, said, is_angle)
     masks = [_usable(each) for each in rows]
-    recordings = [recordings_of(log, chosen, description, is_angle) for log, chosen in zip(used, masks, strict=True)]
+    recordings = [recordings_of(log, chosen, said, is_angle) for log, chosen in zip(used, masks, strict=True)]
     if refusals:  # What is wrong with a file comes before what is wrong with it beside others.
         raise refusals[0]
-    dataset = assemble(path, description, used, recordings)
-    _warn_of_clocks(path, logs, is_angle)
-    _warn_of_masks(path, used, masks)
-    _warn_of_suspicions(path, logs, description, examinations, replaced)
-    doubts = find_doubts(with_full_names(dataset, used), description, is_angle)
+    dataset = assemble(said, used, recordings)
+    _warn_of_clocks(said, logs, is_angle)
+    _warn_of_masks(said, used, masks)
+    _warn_of_suspicions(said, logs, examinations, replaced)
+    doubts = find_doubts(with_full_names(dataset, used), said, is_angle)
     for finding in (*find_copies(logs), *doubts.description, *doubts.files):
         if finding.level == "warning":
-            warnings.warn(f"`{path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
+            warnings.warn(f"`{said.path}`: {finding.text}. {finding.advice}", DataWarning, stacklevel=2)
     return dataset
 
 
-def _refuse_unreadable(path: Path, unreadable: Sequence[Unreadable]) -> None:
+def _refuse_unreadable(description: Description, unreadable: Sequence[Unreadable]) -> None:
     """Refuse files that cannot be read: the first one, and how many there are."""
     if not unreadable:
         return
     first, *others = unreadable
     more = len({(one.path, one.name) for one in others} - {(first.path, first.name)})
-    told = f" {more} more cannot be read either: `symoden data check {path}` says why." if more else ""
+    told = f" {more} more cannot be read either: {description.check} says why." if more else ""
     raise DataError(f"{first.error}{told}") from first.error
 
 
@@ -85,13 +98,10 @@ def _usable(rows: Mask | DataError) -> Mask:
     return rows
 
 
-def assemble(
-    path: Path, description: Description, logs: Sequence[Log], recordings: Sequence[tuple[Trajectory, ...]]
-) -> Dataset:
+def assemble(description: Description, logs: Sequence[Log], recordings: Sequence[tuple[Trajectory, ...]]) -> Dataset:
     """Put recordings together with what the description says of them.
 
     Args:
-        path: The description's file.
         description: What it says.
         logs: Every log.
         recordings: The recordings of each log.
@@ -108,7 +118,7 @@ def assemble(
     names = [_plain(logs[0].names[role], description.units) for role in ("positions", "inputs")]
     short = _without_common_path([*names[0], *names[1]])
     return Dataset(
-        name=path.stem,
+        name=description.path.stem,
         space=description.space,
         train=tuple(parts["train"]),
         test=tuple(parts["test"]),
@@ -154,22 +164,22 @@ def _without_common_path(names: Sequence[str]) -> tuple[str, ...]:
     return tuple("/".join(path) for path in paths)
 
 
-def _warn_of_clocks(path: Path, logs: Sequence[Log], is_angle: np.ndarray) -> None:
+def _warn_of_clocks(description: Description, logs: Sequence[Log], is_angle: np.ndarray) -> None:
     """Say in one line that tables had several clocks, in another that stamps are of arrival, and what looks wrong."""
     merged = {log.name: log.merged.columns for log in logs if log.merged is not None}
     if merged:
         columns = listing(dict.fromkeys(name for each in merged.values() for name in each))
         more = f" and {len(merged) - 1} more" if len(merged) > 1 else ""
         warnings.warn(
-            f"`{path}`: {columns} and the positions have numbers in different rows of `{next(iter(merged))}`{more}: "
-            f"brought to the rows of the positions. `symoden data check {path}` says more.",
+            f"`{description.path}`: {columns} and the positions have numbers in different rows of "
+            f"`{next(iter(merged))}`{more}: brought to the rows of the positions. {description.check} says more.",
             DataWarning,
             stacklevel=3,
         )
     names = _told_apart(logs)
     arrived = [f"{name}: {each.text}" for name, log in zip(names, logs, strict=True) for each in find_arrivals(log)]
     if arrived:
-        _warn(path, "not taken at the times that were logged,", arrived)
+        _warn(description, "not taken at the times that were logged,", arrived)
     wrong = [
         f"{name}: {each.text}"
         for name, log in zip(names, logs, strict=True)
@@ -177,21 +187,20 @@ def _warn_of_clocks(path: Path, logs: Sequence[Log], is_angle: np.ndarray) -> No
         if each.level != "note"
     ]
     if wrong:
-        _warn(path, "perhaps wrong in", wrong)
+        _warn(description, "perhaps wrong in", wrong)
 
 
-def _warn_of_masks(path: Path, logs: Sequence[Log], masks: Sequence[Mask]) -> None:
+def _warn_of_masks(description: Description, logs: Sequence[Log], masks: Sequence[Mask]) -> None:
     """Say in one line what was left out."""
     said = [mask.describe(log.name) for log, mask in zip(logs, masks, strict=True)]
     masked = [f"{name}: {what}" for name, what in zip(_told_apart(logs), said, strict=True) if what]
     if masked:
-        _warn(path, "left out in", masked)
+        _warn(description, "left out in", masked)
 
 
 def _warn_of_suspicions(
-    path: Path,
-    logs: Sequence[Log],
     description: Description,
+    logs: Sequence[Log],
     examinations: Sequence[Examination],
     replaced: Finding | None,
 ) -> None:
@@ -205,9 +214,9 @@ def _warn_of_suspicions(
         if finding.level == "warning"
     ]
     if found:
-        _warn(path, "perhaps wrong in", found)
+        _warn(description, "perhaps wrong in", found)
     if replaced:
-        warnings.warn(f"`{path}`: {replaced.text}. {replaced.advice}", DataWarning, stacklevel=3)
+        warnings.warn(f"`{description.path}`: {replaced.text}. {replaced.advice}", DataWarning, stacklevel=3)
 
 
 def _told_apart(logs: Sequence[Log]) -> list[str]:
@@ -216,11 +225,11 @@ def _told_apart(logs: Sequence[Log]) -> list[str]:
     return [f"`{log.name}`" + f" ({log.part})" * (count[log.name] > 1) for log in logs]
 
 
-def _warn(path: Path, what: str, every: list[str]) -> None:
+def _warn(description: Description, what: str, every: list[str]) -> None:
     """Warn of something in several recordings, naming the first ones."""
     more = f"; and {len(every) - _SHOWN} more" if len(every) > _SHOWN else ""
     warnings.warn(
-        f"`{path}`: {what} {'; '.join(every[:_SHOWN])}{more}. `symoden data check {path}` says what to do.",
+        f"`{description.path}`: {what} {'; '.join(every[:_SHOWN])}{more}. {description.check} says what to do.",
         DataWarning,
         stacklevel=4,
     )

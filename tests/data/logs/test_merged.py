@@ -55,8 +55,8 @@ def states(t, *, turns=False):
 
 def brought(path):
     description = read_description(path)
-    is_angle = angles(path, description)
-    (log,) = read_logs(path, description).found
+    is_angle = angles(description)
+    (log,) = read_logs(description).found
     assert isinstance(log, Log)
     return log, on_one_clock(log, is_angle, description.hold)
 

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
 from symoden.data._errors import DataError, listing, nearest
-from symoden.data.files import Selector, names_in, variable_of
+from symoden.data.files import Selector, Table, names_in, variable_of
 from symoden.known import Expression, KnownParts
 
 from ._known import KEYS as KNOWN_KEYS, read_known
+from ._memory import IN_MEMORY, as_toml, named_tables
 from ._units import is_named, si_of, units_of
 from ._values import KEYS, PART_KEYS, PARTS, Check, misplaced
 
@@ -59,6 +60,7 @@ class Description:
     """What a description says; see the documentation of the format for the keys.
 
     Attributes:
+        path: Its file; of one in memory what messages call it.
         space: Configuration space, one factor per position column.
         positions: Columns of positions; angles in rad, unless `units` says otherwise.
         time: Column of time stamps [s], unless `units` says otherwise.
@@ -89,8 +91,10 @@ class Description:
         train: Part to learn from.
         test: Part for the final score.
         validation: Part for choices during training.
+        tables: Tables in memory, by name, that parts name in place of files; None where these are read.
     """
 
+    path: Path
     space: str
     positions: Selector
     time: str | None = None
@@ -115,6 +119,13 @@ class Description:
     train: Part | None = None
     test: Part | None = None
     validation: Part | None = None
+    tables: Mapping[str, Table] | None = None
+
+    @property
+    def check(self) -> str:
+        """What tells more of the data, for messages."""
+        in_memory = self.tables is not None or self.path == IN_MEMORY
+        return "`symoden.check_dataset`" if in_memory else f"`symoden data check {self.path}`"
 
     @property
     def selectors(self) -> dict[str, Selector]:
@@ -134,19 +145,56 @@ class Description:
         return {name: part for name, part in every.items() if part is not None}
 
 
-def read_description(path: Path, *, space: str | None = None) -> Description:
+def read_description(
+    given: Path | str | Mapping[str, object],
+    *,
+    space: str | None = None,
+    tables: Mapping[str, Table] | None = None,
+) -> Description:
     """Read a description, taking nothing for granted.
 
     Args:
-        path: TOML file.
-        space: Space to take instead of the one in the file.
+        given: TOML file, or what one would say: a mapping of its keys.
+        space: Space to take instead of the one that is given.
+        tables: Tables in memory, by name, in place of files.
 
     Returns:
         What it says.
 
     Raises:
-        DataError: If the file cannot be read, has an unknown key, lacks one, or has a wrong value.
+        DataError: If the file cannot be read, has an unknown key, lacks one, or has a wrong value; or tables have unfit
+            names.
     """
+    if not isinstance(given, Path | str | Mapping):
+        raise DataError(
+            f"A description must be the path of a TOML file, or a mapping of its keys; got {type(given).__name__}. "
+            "Tables in memory are given beside it, as `tables`."
+        )
+    path = IN_MEMORY if isinstance(given, Mapping) else Path(given)
+    table = as_toml(given) if isinstance(given, Mapping) else _read_toml(path)
+    parts: dict[str, Any] = {
+        name: Part(**_checked(path, f"[{name}] ", table.pop(name), PART_KEYS, required=("files",)))
+        for name in PARTS
+        if name in table
+    }
+    if isinstance(table.get("known"), KnownParts):
+        parts["known"] = table.pop("known")
+    elif "known" in table:
+        parts["known"] = read_known(path, table.pop("known"), above=table)
+    if space is not None:
+        table["space"] = space
+    values = _checked(path, "", table, KEYS, required=("space", "positions"))
+    named = {column: si_of(unit) for column, unit in table.get("units", {}).items()}
+    parts["si_units"] = {column: unit for column, unit in named.items() if unit is not None}
+    parts["tables"] = None if tables is None else named_tables(tables)
+    description = Description(path=path, **values, **parts)
+    _refuse_contradictions(path, description)
+    _refuse_unfit_units(path, description)
+    return description
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    """What a TOML file says."""
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
@@ -154,27 +202,11 @@ def read_description(path: Path, *, space: str | None = None) -> Description:
     except UnicodeDecodeError as error:
         raise DataError(f"`{path}`: must be a TOML file, in UTF-8; reading stopped at: {error}.") from error
     try:
-        table = tomllib.loads(text)
+        return tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise DataError(
             f"`{path}`: must be a TOML file; reading stopped at: {error}{_line_of(error, text)}."
         ) from error
-    parts: dict[str, Any] = {
-        name: Part(**_checked(path, f"[{name}] ", table.pop(name), PART_KEYS, required=("files",)))
-        for name in PARTS
-        if name in table
-    }
-    if "known" in table:
-        parts["known"] = read_known(path, table.pop("known"), above=table)
-    if space is not None:
-        table["space"] = space
-    values = _checked(path, "", table, KEYS, required=("space", "positions"))
-    named = {column: si_of(unit) for column, unit in table.get("units", {}).items()}
-    parts["si_units"] = {column: unit for column, unit in named.items() if unit is not None}
-    description = Description(**values, **parts)
-    _refuse_contradictions(path, description)
-    _refuse_unfit_units(path, description)
-    return description
 
 
 def _line_of(error: Exception, text: str) -> str:

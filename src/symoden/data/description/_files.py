@@ -2,9 +2,11 @@
 
 import logging
 import os
+from collections.abc import Collection
+from fnmatch import fnmatchcase
 from pathlib import Path
 
-from symoden.data._errors import DataError
+from symoden.data._errors import DataError, listing, nearest
 
 _LOGGER = logging.getLogger(__name__)
 _VARIABLE = "SYMODEN_DATA"
@@ -43,6 +45,29 @@ def find_files(pattern: str, description: Path) -> tuple[Path, ...]:
         f"`{description}`: no file matches `{pattern}`; looked in {', '.join(f'`{folder}`' for folder in folders)}. "
         f"Correct `files`, or name the folder of the data by the environment variable {_VARIABLE}."
     )
+
+
+def find_tables(pattern: str, description: Path, tables: Collection[str]) -> tuple[Path, ...]:
+    """Find tables in memory by name or by pattern (`*`, `?`, `[…]`), in place of files.
+
+    Args:
+        pattern: Name or pattern.
+        description: What messages call the description.
+        tables: Names of the tables.
+
+    Returns:
+        Their names, in the order in which they are given.
+
+    Raises:
+        DataError: If it matches none.
+    """
+    found = [pattern] if pattern in tables else [name for name in tables if fnmatchcase(name, pattern)]
+    if not found:
+        raise DataError(
+            f"`{description}`: no table matches `{pattern}`; got {listing(tables)}.{nearest(pattern, tables)} Correct "
+            "`files`, or the names of the tables."
+        )
+    return tuple(map(Path, found))
 
 
 def data_directories(description: Path) -> tuple[Path, ...]:

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from symoden.data._errors import AbsentError, DataError, cut
-from symoden.data.files import OddNumbers, Rows, Selector, read_rows, variable_of
+from symoden.data.files import OddNumbers, Rows, Selector, Table, read_rows, variable_of
 from symoden.known import Expression, Grammar
 
 from ._impossible import odd_numbers
@@ -32,6 +32,7 @@ def read_columns(
     *,
     recording: str | None,
     formulas: Mapping[str, Expression],
+    table: Table | None = None,
 ) -> Rows:
     """Read columns of a file, and make those that are formulas of others.
 
@@ -39,11 +40,12 @@ def read_columns(
     where one of those is what no machine has, or a logger writes for a missing one.
 
     Args:
-        path: File of a known format.
+        path: File of a known format; of a table in memory, what messages call it.
         selectors: What to read, by role.
         rows: Rows to keep.
         recording: Column that tells recordings apart, if there is one.
         formulas: Formulas by the name of the column that they make.
+        table: The table, where it is in memory.
 
     Returns:
         The numbers that were asked for.
@@ -56,7 +58,7 @@ def read_columns(
     used = {name: formulas[name] for chosen in listed.values() for name in chosen if name in formulas}
     parts = {_parts(name): tuple(sorted(formula.names)) for name, formula in used.items()}
     try:
-        found = read_rows(path, {**selectors, **plain, **parts}, rows, recording)
+        found = read_rows(path, {**selectors, **plain, **parts}, rows, recording, table=table)
     except AbsentError as error:
         raise DataError(f"{error}{_of_formulas(error, used)}") from error
     raw = {

@@ -12,7 +12,7 @@ from symoden.data._errors import DataError, listing, nearest
 from symoden.data.files import Rows, place, stem_of
 
 from ._description import Description, Part
-from ._files import find_files
+from ._files import find_files, find_tables
 from ._formulas import read_columns
 from ._units import in_si
 from ._unreadable import Unreadable
@@ -30,20 +30,20 @@ class Parts(NamedTuple):
     refusals: tuple[DataError, ...]
 
 
-def read_parts(path: Path, description: Description) -> Parts:
+def read_parts(description: Description) -> Parts:
     """Read the files of a description.
 
     Args:
-        path: The description's file.
         description: What it says.
 
     Returns:
         The rows; that a file cannot be read, or that no file has a recording that is named, is for the caller to raise
         or to report.
     """
-    files = {name: _files(path, name, part) for name, part in description.parts.items()}
+    path = description.path
+    files = {name: _files(description, name, part) for name, part in description.parts.items()}
     every = {
-        name: tuple(each for file in files[name] for each in _recordings_of(path, description, name, file))
+        name: tuple(each for file in files[name] for each in _recordings_of(description, name, file))
         for name in description.parts
     }
     chosen = {
@@ -70,12 +70,12 @@ def read_parts(path: Path, description: Description) -> Parts:
     return Parts(rest | chosen, tuple(refusals))
 
 
-def _files(path: Path, name: str, part: Part) -> tuple[Path | Unreadable, ...]:
+def _files(description: Description, name: str, part: Part) -> tuple[Path | Unreadable, ...]:
     """The files of a part, each once, and its patterns that match none."""
     found: dict[Path, Path | Unreadable] = {}
     for pattern in part.files:
         try:
-            for file in find_files(pattern, path):
+            for file in _matches(pattern, description):
                 found.setdefault(file.resolve(), file)
         except DataError as error:
             named = Path(pattern)
@@ -83,17 +83,22 @@ def _files(path: Path, name: str, part: Part) -> tuple[Path | Unreadable, ...]:
     return tuple(found.values())
 
 
-def _recordings_of(
-    path: Path, description: Description, name: str, file: Path | Unreadable
-) -> Sequence[Rows | Unreadable]:
+def _matches(pattern: str, description: Description) -> tuple[Path, ...]:
+    """Files, or tables in memory in their place, by name or by pattern."""
+    if description.tables is None:
+        return find_files(pattern, description.path)
+    return find_tables(pattern, description.path, description.tables)
+
+
+def _recordings_of(description: Description, name: str, file: Path | Unreadable) -> Sequence[Rows | Unreadable]:
     """Rows of each recording of a file, or why it has none."""
     if isinstance(file, Unreadable):
         return [file]
     intervals = description.parts[name].rows_of(file)
     try:
         read = [_read(file, description, slice(*each)) for each in intervals]
-        _refuse_absent(path, description, name, read)
-        _refuse_repeated(path, name, read)
+        _refuse_absent(description, name, read)
+        _refuse_repeated(description.path, name, read)
         scaled = [in_si(each, description.units, description.zeros) for each in read]
         numbered = [
             dataclasses.replace(rows, interval=k if len(read) > 1 else None) for k, rows in enumerate(scaled, start=1)
@@ -106,7 +111,12 @@ def _recordings_of(
 def _read(file: Path, description: Description, rows: slice) -> Rows:
     """What the description names of a file."""
     return read_columns(
-        file, description.selectors, rows, recording=description.recording, formulas=description.formulas
+        file,
+        description.selectors,
+        rows,
+        recording=description.recording,
+        formulas=description.formulas,
+        table=None if description.tables is None else description.tables[str(file)],
     )
 
 
@@ -122,16 +132,16 @@ def _unknown(path: Path, part: Part, name: str, files: Sequence[Path | Unreadabl
             )
 
 
-def _refuse_absent(path: Path, description: Description, name: str, intervals: Sequence[Rows]) -> None:
+def _refuse_absent(description: Description, name: str, intervals: Sequence[Rows]) -> None:
     """Refuse intervals that a file has no rows in, unless the part names recordings, which other files may have."""
     part = description.parts[name]
     for (start, stop), rows in zip(part.rows_of(intervals[0].path), intervals, strict=True):
         if not len(rows) and (start, stop) != (0, None) and not part.recordings:
             whole = _read(rows.path, description, slice(None))
             raise DataError(
-                f"`{path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has {len(whole)}, and "
-                f"none of them is in {[start] if stop is None else [start, stop]}. Name others, or copy the file again "
-                "if it was cut off."
+                f"`{description.path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has "
+                f"{len(whole)}, and none of them is in {[start] if stop is None else [start, stop]}. Name others, or "
+                "copy the file again if it was cut off."
             )
 
 

@@ -2,6 +2,7 @@
 
 from ._cells import label as label
 from ._limits import LARGEST_NUMBER as LARGEST_NUMBER
+from ._memory import Table as Table
 from ._readers import (
     OddNumbers as OddNumbers,
     Rows as Rows,
@@ -9,6 +10,7 @@ from ._readers import (
     names_in as names_in,
     read_rows as read_rows,
     stem_of as stem_of,
+    suffix_of as suffix_of,
     variable_of as variable_of,
 )
 from ._tables import (
@@ -24,6 +26,7 @@ __all__ = [
     "OddNumbers",
     "Rows",
     "Selector",
+    "Table",
     "UnreadClock",
     "find_short_lines",
     "is_text",
@@ -32,6 +35,7 @@ __all__ = [
     "place",
     "read_rows",
     "stem_of",
+    "suffix_of",
     "units_below_names",
     "variable_of",
 ]

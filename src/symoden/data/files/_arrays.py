@@ -109,6 +109,28 @@ def read_mat(path: Path, names: Collection[str]) -> Mapping[str, np.ndarray]:
         raise DataError(_broken(path, "MAT", error)) from error
 
 
+def chosen(path: Path, names: Collection[str], found: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Choose variables of those in memory.
+
+    Args:
+        path: What messages call what holds them.
+        names: The variables; a star stands for any text without slashes.
+        found: Those that there are.
+
+    Returns:
+        The variables by name.
+
+    Raises:
+        AbsentError: If a variable is absent.
+        DataError: If one is not numeric.
+    """
+    names = spelt_out(names, found)
+    for name in names:
+        if name not in found:
+            raise AbsentError(path, name, found, kind="variable")
+    return {name: _numeric(path, name, found[name]) for name in names}
+
+
 def spelt_out(names: Collection[str], found: Collection[str]) -> list[str]:
     """Replace names that have a star by those that they stand for.
 

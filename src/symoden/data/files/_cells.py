@@ -171,7 +171,7 @@ def _column(path: Path, frame: pl.DataFrame, name: str) -> pl.Series:
 
 
 def _seconds(column: pl.Series) -> pl.Series:
-    """Dates with a time, also ISO 8601's as text, as seconds since 1970; another column as it is."""
+    """Dates with a time, also ISO 8601's as text, as seconds since 1970, durations as seconds; another as it is."""
     if column.dtype == pl.String:
         first = _first(column)
         if not _DATE.match(first):
@@ -180,6 +180,8 @@ def _seconds(column: pl.Series) -> pl.Series:
             column = column.str.to_datetime(time_unit="ns", time_zone="UTC" if _ZONE.search(first) else None)
         except pl.exceptions.PolarsError:
             return column  # Its words will be named.
+    if column.dtype == pl.Duration:
+        return column.dt.total_nanoseconds().cast(pl.Float64) / 1e9
     if column.dtype != pl.Datetime:
         return column
     return column.dt.epoch("ns").cast(pl.Float64) / 1e9

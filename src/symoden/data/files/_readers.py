@@ -16,6 +16,7 @@ from symoden.data._shapes import Signals
 from ._arrays import STAR, read_hdf5, read_mat, read_npz, starred
 from ._cells import holds_lists, label, lists, numbers, texts
 from ._limits import refuse_large
+from ._memory import Table, in_memory
 from ._tables import TEXTS, read_csv, read_parquet
 from ._unread_clock import UnreadClock, unread_clocks
 
@@ -104,14 +105,22 @@ def stem_of(path: Path) -> str:
     return path.name[: len(path.name) - len(suffix_of(path))]
 
 
-def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None = None) -> Rows:
+def read_rows(
+    path: Path,
+    selectors: Mapping[str, Selector],
+    rows: slice,
+    recording: str | None = None,
+    *,
+    table: Table | None = None,
+) -> Rows:
     """Read the columns or variables that selectors name.
 
     Args:
-        path: File of a known format.
+        path: File of a known format; of a table in memory, what messages call it.
         selectors: What to read, by role.
         rows: Rows to keep; nothing else of the file is looked at.
         recording: Column or variable that tells which recording each row belongs to, if there is one.
+        table: The table, where it is in memory.
 
     Returns:
         The numbers that were asked for; NaN where one is missing.
@@ -119,24 +128,42 @@ def read_rows(path: Path, selectors: Mapping[str, Selector], rows: slice, record
     Raises:
         DataError: If the file cannot be read, lacks something, or has anything but numbers there.
     """
+    variables = sorted(_variables(selectors, recording))
+    if table is None:
+        held = _held(path, variables)
+    else:
+        held = in_memory(path, table, variables, {*variables, *names_in(selectors)})
+    if isinstance(held, pl.DataFrame):
+        found = _from_table(path, held, selectors, rows, recording)
+    else:
+        found = _from_arrays(path, held, selectors, rows, recording)
+    for signals in found.signals.values():
+        signals[~np.isfinite(signals)] = np.nan  # An infinity is no measurement either.
+    return found
+
+
+def _variables(selectors: Mapping[str, Selector], recording: str | None) -> set[str]:
+    """Names of the variables that are wanted."""
+    return {variable_of(name) for name in [*names_in(selectors), *([recording] if recording else [])]}
+
+
+def _held(path: Path, variables: Sequence[str]) -> pl.DataFrame | Mapping[str, np.ndarray]:
+    """What a file holds: a table, or the arrays that are wanted."""
     suffix = suffix_of(path)
     if not suffix:
         raise DataError(f"`{path}`: the name must end in one of {listing([*_TABLES, *_ARRAYS])}. Convert the file.")
     try:
         if path.stat().st_size == 0:
             raise DataError(f"`{path}`: is empty; it must have columns or variables of numbers.")
-        read = _from_table if suffix in _TABLES else _from_arrays
-        found = read(path, selectors, rows, recording)
+        return _TABLES[suffix](path) if suffix in _TABLES else _ARRAYS[suffix](path, variables)
     except OSError as error:
         raise DataError(f"`{path}`: cannot be read: {error.strerror or error}.") from error
-    for signals in found.signals.values():
-        signals[~np.isfinite(signals)] = np.nan  # An infinity is no measurement either.
-    return found
 
 
-def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None) -> Rows:
-    """Read columns of a table; where a cell holds a list, it is a variable with a column for each item."""
-    frame = _TABLES[suffix_of(path)](path)
+def _from_table(
+    path: Path, frame: pl.DataFrame, selectors: Mapping[str, Selector], rows: slice, recording: str | None
+) -> Rows:
+    """Take columns of a table; where a cell holds a list, it is a variable with a column for each item."""
     index = np.arange(frame.height)[rows]
     frame, first = frame[rows], int(index[0]) if len(index) else 0
     wanted = names_in(selectors)
@@ -152,11 +179,11 @@ def _from_table(path: Path, selectors: Mapping[str, Selector], rows: slice, reco
     return dataclasses.replace(found, clocks=unread_clocks(path, frame, {*named, recording or ""}))
 
 
-def _from_arrays(path: Path, selectors: Mapping[str, Selector], rows: slice, recording: str | None) -> Rows:
-    """Read variables of a file of arrays."""
-    variables = {variable_of(name) for name in [*names_in(selectors), *([recording] if recording else [])]}
-    arrays = _ARRAYS[suffix_of(path)](path, sorted(variables))
-    if not variables <= arrays.keys():  # They have stars.
+def _from_arrays(
+    path: Path, arrays: Mapping[str, np.ndarray], selectors: Mapping[str, Selector], rows: slice, recording: str | None
+) -> Rows:
+    """Take variables of a file of arrays."""
+    if not _variables(selectors, recording) <= arrays.keys():  # They have stars.
         return _from_groups(path, selectors, arrays, rows, recording)
     if any(array.ndim == 3 for array in arrays.values()):
         return _from_blocks(path, selectors, arrays, rows, recording)

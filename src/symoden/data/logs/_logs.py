@@ -198,11 +198,10 @@ class Logs(NamedTuple):
     refusals: tuple[DataError, ...]
 
 
-def read_logs(path: Path, description: Description) -> Logs:
+def read_logs(description: Description) -> Logs:
     """Read the files of a description.
 
     Args:
-        path: The description's file.
         description: What it says.
 
     Returns:
@@ -211,8 +210,8 @@ def read_logs(path: Path, description: Description) -> Logs:
     Raises:
         DataError: If the description says another number of coordinates than it has columns.
     """
-    is_angle = angles(path, description)
-    parts, refusals = read_parts(path, description)
+    is_angle = angles(description)
+    parts, refusals = read_parts(description)
     found = {
         name: [one if isinstance(one, Unreadable) else _log_of(name, one, description, is_angle) for one in part]
         for name, part in parts.items()
@@ -235,11 +234,10 @@ def _told_apart(part: Sequence[Log | Unreadable]) -> list[Log | Unreadable]:
     return [dataclasses.replace(one, name=name) for one, name in zip(part, names, strict=True)]
 
 
-def angles(path: Path, description: Description) -> np.ndarray:
+def angles(description: Description) -> np.ndarray:
     """Find out which coordinates are angles; there must be one per position column.
 
     Args:
-        path: The description's file, for messages.
         description: What it says.
 
     Returns:
@@ -248,9 +246,9 @@ def angles(path: Path, description: Description) -> np.ndarray:
     Raises:
         DataError: If the space is misspelt, or has another number of coordinates than there are position columns.
     """
-    is_angle = np.array(angles_of(path, description.space))
+    is_angle = np.array(angles_of(description.path, description.space))
     if isinstance(description.positions, tuple):
-        _refuse_other_size(path, description.space, is_angle, len(description.positions))
+        _refuse_other_size(description.path, description.space, is_angle, len(description.positions))
     return is_angle
 
 

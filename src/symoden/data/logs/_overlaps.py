@@ -13,11 +13,10 @@ from symoden.data.description import Description
 from ._logs import Log
 
 
-def find_overlaps(path: Path, description: Description, logs: Sequence[Log]) -> tuple[DataError, ...]:
+def find_overlaps(description: Description, logs: Sequence[Log]) -> tuple[DataError, ...]:
     """Find rows that two parts have in common.
 
     Args:
-        path: The description's file.
         description: What it says.
         logs: What was logged, with the rows that the files have.
 
@@ -25,11 +24,12 @@ def find_overlaps(path: Path, description: Description, logs: Sequence[Log]) -> 
         Why training refuses them: an error for each file and two parts.
     """
     parts = {name: _by_file([log for log in logs if log.part == name]) for name in description.parts}
+    names = {log.path.resolve(): log.path for log in reversed(logs)}
     return tuple(
         DataError(
-            f"`{path}`: [{name}] and [{other}] must have no rows in common; both have rows {shared[0]} to {shared[-1]} "
-            f"of `{file}`{_ending(description, file, {name: files[file], other: others[file]})}. Name other files, "
-            "other `rows` or `recordings`."
+            f"`{description.path}`: [{name}] and [{other}] must have no rows in common; both have rows {shared[0]} to "
+            f"{shared[-1]} of `{names[file]}`{_ending(description, file, {name: files[file], other: others[file]})}. "
+            "Name other files, other `rows` or `recordings`."
         )
         for (name, files), (other, others) in itertools.combinations(parts.items(), 2)
         for file in files

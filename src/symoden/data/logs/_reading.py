@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -30,19 +29,18 @@ class Reading(NamedTuple):
     refusals: tuple[DataError, ...]
 
 
-def read_all(path: Path, description: Description, is_angle: np.ndarray) -> Reading:
+def read_all(description: Description, is_angle: np.ndarray) -> Reading:
     """Read the files of a description, and bring each log to one clock, which is even where stamps are of arrival.
 
     Args:
-        path: The description's file.
         description: What it says.
         is_angle: Whether each coordinate is an angle.
 
     Returns:
         The logs; that a file cannot be read is for the caller to raise or to report.
     """
-    found, refusals = read_logs(path, description)
-    overlaps = find_overlaps(path, description, [one for one in found if isinstance(one, Log)])
+    found, refusals = read_logs(description)
+    overlaps = find_overlaps(description, [one for one in found if isinstance(one, Log)])
     every = [_on_clock(one, description, is_angle) for one in _with_same_inputs(found, description)]
     return Reading(
         logs=tuple(one for one in every if isinstance(one, Log)),

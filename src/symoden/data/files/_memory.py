@@ -1,0 +1,99 @@
+"""Tables in memory: what a file of columns or arrays would hold."""
+
+from collections.abc import Collection, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias, runtime_checkable
+
+import numpy as np
+import polars as pl
+
+from symoden.data._errors import DataError
+
+from ._arrays import chosen
+
+
+@runtime_checkable
+class _Frame(Protocol):
+    """A data frame, of pandas or Polars."""
+
+    @property
+    def columns(self) -> Iterable[object]:
+        """Names of its columns."""
+        ...
+
+    def __getitem__(self, name: str, /) -> object:
+        """A column."""
+        ...
+
+
+Table: TypeAlias = Mapping[str, object] | _Frame | np.ndarray
+"""Columns by name: a mapping of arrays, a data frame, or a structured array."""
+
+
+def in_memory(
+    path: Path, table: Table, variables: Collection[str], wanted: Collection[str]
+) -> pl.DataFrame | dict[str, np.ndarray]:
+    """Take columns of a table in memory.
+
+    Args:
+        path: What messages call it.
+        table: The table.
+        variables: Names of the variables that are wanted.
+        wanted: The same, and what single columns of variables are called.
+
+    Returns:
+        A data frame, where what is wanted are columns of as many rows each, of numbers, words or times: these and all
+        others of as many. Else the variables by name.
+
+    Raises:
+        DataError: If it is no table, or lacks a variable.
+    """
+    if isinstance(table, pl.DataFrame):
+        return table
+    columns = {name: _array(values) for name, values in _columns(path, table).items()}
+    shapes = {array.shape for name, array in columns.items() if name in wanted}
+    if len(shapes) == 1 and len(shape := shapes.pop()) == 1:
+        return pl.DataFrame([_series(name, array) for name, array in columns.items() if array.shape == shape])
+    return chosen(path, variables, columns)
+
+
+def _columns(path: Path, table: Any) -> dict[str, object]:  # noqa: ANN401 - whatever a user gives
+    """The columns by name, whatever holds them; a frame's names may be numbers."""
+    if isinstance(table, np.ndarray):
+        names = table.dtype.names
+    else:
+        names = table.keys() if isinstance(table, Mapping) else getattr(table, "columns", None)
+    if names is None:
+        what = f"an array of {table.dtype}" if isinstance(table, np.ndarray) else type(table).__name__
+        raise DataError(
+            f"`{path}`: a table must be a mapping of names to arrays, or a data frame; got {what}. Give its columns "
+            'names, such as {"t": ts, "q": q}.'
+        )
+    return {str(name): table[name] for name in names}
+
+
+def _array(values: object) -> np.ndarray:
+    """The values of a column; NaN where a masked array hides one."""
+    if isinstance(values, np.ma.MaskedArray):
+        return np.ma.filled(values.astype(np.float64), np.nan)
+    try:
+        return np.asarray(values)
+    except ValueError:  # Lists of different length: an array of them, which is no column of numbers.
+        return np.array([values], dtype=object)
+
+
+def _series(name: str, array: np.ndarray) -> pl.Series:
+    """A column of a data frame."""
+    if array.dtype.kind == "M":
+        array = array.astype("datetime64[ns]")
+    elif array.dtype.kind == "m":
+        array = array.astype("timedelta64[ns]")
+    elif array.dtype.kind == "O":
+        cells = [None if _is_absent(value) else value for value in array.tolist()]
+        return pl.Series(name, cells, strict=False)
+    return pl.Series(name, array)
+
+
+def _is_absent(value: object) -> bool:
+    """Whether an object of a column says that nothing is there, as those of pandas do."""
+    return value is None or type(value).__name__ in {"NAType", "NaTType"}

@@ -1,0 +1,175 @@
+"""Descriptions and tables in memory: the same data set as from files, and words on what is none."""
+
+from pathlib import Path
+
+import numpy as np
+import polars as pl
+import pytest
+
+import symoden
+from symoden.data import DataError, DataWarning, check_dataset, read_dataset
+
+TS = np.linspace(0.0, 2.0, 201)
+COLUMNS = {"time": "t", "positions": ["q"], "inputs": ["u"]}
+SAID = {"space": "T1", **COLUMNS, "train": {"files": ["swing[12]"]}, "test": {"files": ["swing3"]}}
+LINES = [
+    'space = "T1"\ntime = "t"\npositions = ["q"]\ninputs = ["u"]',
+    '[train]\nfiles = ["swing[12].csv"]',
+    '[test]\nfiles = ["swing3.csv"]',
+]
+
+
+def swing(k: int) -> dict[str, np.ndarray]:
+    """Columns of a recording."""
+    return {"t": TS, "q": np.sin(3 * TS + k), "u": np.cos(5 * TS)}
+
+
+TABLES = {f"swing{k}": swing(k) for k in (1, 2, 3)}
+
+
+def changed(**columns: object) -> dict[str, dict[str, object]]:
+    """The tables, with other columns in the last one."""
+    last: dict[str, object] = {**swing(3), **columns}
+    return {"swing1": {**swing(1)}, "swing2": {**swing(2)}, "swing3": last}
+
+
+class Frame:
+    """A data frame that is no mapping, as that of pandas."""
+
+    def __init__(self, columns: dict[str, np.ndarray]) -> None:
+        self._held = columns
+        self.columns = np.array(list(columns), dtype=object)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self._held[name]
+
+
+KINDS = {
+    "mapping": dict,
+    "lists": lambda columns: {name: column.tolist() for name, column in columns.items()},
+    "structured": lambda columns: np.array(
+        list(zip(*columns.values(), strict=True)), [(name, float) for name in columns]
+    ),
+    "polars": pl.DataFrame,
+    "frame": Frame,
+    "objects": lambda columns: {name: column.astype(object) for name, column in columns.items()},
+    "texts": lambda columns: {name: [repr(float(x)) for x in column] for name, column in columns.items()},
+    "more": lambda columns: columns | {"gain": 3.0, "image": np.zeros((7, 7)), "ragged": [[1], [1, 2]]},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_tables_in_memory_give_what_files_give(tmp_path, kind):
+    for name, table in TABLES.items():
+        pl.DataFrame(table).write_csv(tmp_path / f"{name}.csv")
+    (tmp_path / "description.toml").write_text("\n".join(LINES))
+    of_files = read_dataset(tmp_path / "description.toml")
+    in_memory = read_dataset(SAID, tables={name: KINDS[kind](table) for name, table in TABLES.items()})
+    assert in_memory.digest == of_files.digest
+    assert [each.name for each in in_memory.recordings] == ["swing1", "swing2", "swing3"]
+
+
+def test_a_description_in_memory_may_name_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pl.DataFrame(swing(1)).write_csv("swing1.csv")
+    said = SAID | {"train": {"files": [Path("swing1.csv")]}, "input_matrix": np.eye(1), "positions": ("q",)}
+    del said["test"]
+    assert read_dataset(said).input_matrix == np.eye(1)
+
+
+def test_tables_may_take_the_place_of_files_that_a_file_describes(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text(LINES[0] + '\n[train]\nfiles = ["swing3"]\n')
+    holed = np.where(TS[50] == TS, np.nan, swing(3)["q"])
+    with pytest.warns(DataWarning, match=r"1 row without all numbers. `symoden.check_dataset` says what"):
+        assert len(read_dataset(path, tables=changed(q=holed)).train[0]) == 200
+
+
+def test_arrays_of_two_axes_are_variables_and_stay_as_they_are():
+    arrays = {"t": TS, "q": np.sin(np.stack([TS, 2 * TS], axis=1)), "u": np.full((201, 1), np.inf)}
+    arrays["u"][1:] = 1.0
+    given = {name: array.copy() for name, array in arrays.items()}
+    said = {"space": "T2", "time": "t", "positions": "q", "inputs": "u", "train": {"files": ["*"]}}
+    with pytest.warns(DataWarning, match=r"left out in `both`: 1 row without all numbers"):
+        (recording,) = read_dataset(said, tables={"both": arrays}).train
+    assert recording.q.shape == (200, 2)
+    assert all(np.array_equal(arrays[name], given[name]) for name in arrays)
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        np.datetime64("2025-01-01") + (1e6 * TS).astype("timedelta64[us]"),
+        (1e9 * TS).astype("timedelta64[ns]"),
+        [f"2025-01-01T00:00:{t:05.2f}" for t in TS],
+    ],
+    ids=["dates", "durations", "texts"],
+)
+def test_time_may_be_dates_and_durations(stamps):
+    dataset = read_dataset(SAID, tables=changed(t=stamps))
+    np.testing.assert_allclose(np.diff(dataset.test[0].ts), 0.01, atol=1e-6)
+
+
+@pytest.mark.parametrize("hidden", [np.ma.masked_equal(swing(3)["q"], swing(3)["q"][50]), None], ids=["masked", "none"])
+def test_numbers_that_are_hidden_are_missing(hidden):
+    column = [*swing(3)["q"][:50], None, *swing(3)["q"][51:]] if hidden is None else hidden
+    with pytest.warns(DataWarning, match=r"in `swing3`: 1 row without all numbers. `symoden.check_dataset` says what"):
+        assert len(read_dataset(SAID, tables=changed(q=column)).test[0]) == 200
+
+
+def test_a_table_may_be_in_two_parts_by_its_recordings():
+    table = {name: np.concatenate([swing(1)[name], swing(2)[name]]) for name in ("q", "u")}
+    table |= {"t": np.concatenate([TS, TS]), "run": np.array(["a"] * 201 + ["b"] * 201)}
+    said = SAID | {"recording": "run", "train": {"files": ["log"], "recordings": ["a"]}, "test": {"files": ["log"]}}
+    dataset = read_dataset(said, tables={"log": table})
+    assert [each.name for each in dataset.recordings] == ["log-a", "log-b"]
+
+
+def test_rows_in_common_are_named_by_the_table():
+    said = SAID | {"test": {"files": ["swing2"]}}
+    with pytest.raises(DataError, match=r"both have rows 0 to 200 of `swing2`\."):
+        read_dataset(said, tables=TABLES)
+
+
+def test_known_parts_may_be_functions():
+    known = symoden.KnownParts(potential_energy=lambda q: 9.81 * (1.0 - np.cos(q[0])))
+    assert read_dataset(SAID | {"known": known}, tables=TABLES).known is known
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"swing1.csv": swing(1)}, r"without the ending of a file's; got `swing1.csv`. Name it `swing1`\."),
+        ({"": swing(1)}, r"`tables` must have names, .*; got none\."),
+        ({"swing1": swing(1)}, r"no table matches `swing3`; got `swing1`\. Did you mean `swing1`\?"),
+        (TABLES | {"swing3": TS}, r"`swing3`: a table must be a mapping .*; got an array of float64\."),
+        (TABLES | {"swing3": {"t": TS, "q": TS}}, r"`swing3`: no column `u`; found `t, q`\."),
+        (changed(q=TS[1:]), r"`swing3`: all variables must have the same number of samples"),
+        (changed(q=[[1], [1, 2]]), r"`swing3`: variable `q` must hold real numbers; got object\."),
+        (changed(q=["cut"] * 201), r"`swing3`: column `q`, row 0: must be a number or empty; got 'cut'"),
+    ],
+)
+def test_what_is_no_table_is_refused_in_words(tables, message):
+    with pytest.raises(DataError, match=message):
+        read_dataset(SAID, tables=tables)
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        (SAID | {"position": ["q"]}, r"`description`: a description has no key `position`. Did you mean `positions`\?"),
+        (SAID | {"train": ["swing1"]}, r"`description`: \[train\] must be a table; got \['swing1'\]"),
+        (SAID | {"dt": None}, r"`description`: `dt` must be a positive number of seconds; got None"),
+    ],
+)
+def test_what_is_no_description_is_refused_in_words(said, message):
+    with pytest.raises(DataError, match=message):
+        read_dataset(said, tables=TABLES)
+
+
+def test_a_check_in_memory_says_what_was_found():
+    q = np.degrees(swing(3)["q"])
+    q[50] = np.nan
+    check = check_dataset(SAID | {"units": {"q": "deg"}}, tables=changed(q=q))
+    assert not check.refused
+    assert "- masked in swing3: `q` lacks 1 of 201 numbers, in 1 stretch, first at row 50." in str(check).splitlines()
