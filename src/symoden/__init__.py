@@ -30,6 +30,7 @@ _EXPORTS: Final[dict[str, str]] = {
     "check_dataset": "symoden.data",
     "design": "symoden.control",
     "fit": "symoden.training",
+    "infer_bands": "symoden.evaluation",
     "load": "symoden.models",
     "predict": "symoden.evaluation",
     "read_dataset": "symoden.data",

@@ -6,7 +6,7 @@ from symoden.data import (
     read_dataset as read_dataset,
     write_dataset as write_dataset,
 )
-from symoden.evaluation import predict as predict, write_urdf as write_urdf
+from symoden.evaluation import infer_bands as infer_bands, predict as predict, write_urdf as write_urdf
 from symoden.integrate import rollout as rollout
 from symoden.known import KnownParts as KnownParts, read_urdf as read_urdf
 from symoden.models import ModelConfig as ModelConfig, build as build, load as load, rescale as rescale, save as save

@@ -75,6 +75,18 @@ def test_what_is_computed_scatters_alike_in_compiled_functions_and_outside(found
     assert np.mean((others - np.asarray(value)) ** 2, axis=0) == pytest.approx(np.asarray(variance), rel=1e-4)
 
 
+def test_half_a_band_has_the_shape_of_what_it_is_of(found, noisy):
+    result, _ = found
+    laplace = dataclasses.replace(result, ensemble=None).posterior(noisy)
+    assert result.posterior(noisy) is result.ensemble
+    for posterior in (result.ensemble, laplace):
+        band = posterior.half_width(lambda model: quantities(model)[:, None] * jnp.ones((3, 2)), level=0.8)
+        rows = posterior.quantile(0.8) * np.linalg.norm(posterior.project(quantities), axis=1)
+        assert band == pytest.approx(np.stack([rows, rows], axis=1))
+    same = infer_posterior(result.model, noisy, STEPS, substeps=result.substeps)
+    assert laplace.half_width(quantities) == pytest.approx(same.half_width(quantities))
+
+
 def test_where_the_data_say_nothing_they_scatter_as_the_prior_does(noisy):
     idle = tuple(dataclasses.replace(recording, us=np.zeros_like(recording.us)) for recording in noisy.train)
     known = dataclasses.replace(noisy.known, input_matrix=None)

@@ -6,6 +6,7 @@ from ._bands import (
     Bands as Bands,
     BandScore as BandScore,
     calibrate_bands as calibrate_bands,
+    infer_bands as infer_bands,
     score_bands as score_bands,
 )
 from ._batches import Stretch as Stretch
@@ -59,6 +60,7 @@ __all__ = [
     "calibrate_bands",
     "certainty",
     "identified_parameters",
+    "infer_bands",
     "inspect_model",
     "predict",
     "recorded_paths",

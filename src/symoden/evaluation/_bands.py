@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from symoden.data import Dataset, Trajectory, spaced_evenly
 from symoden.integrate import HOLDS, AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics
-from symoden.training import AbstractPosterior, AbstractScatter
+from symoden.training import AbstractPosterior, AbstractScatter, FitResult, hold_out
 
 from ._batches import Segment, Stretch, in_batches, roll_out
 from ._certainty import LEVEL
@@ -75,7 +75,7 @@ class BandedPath:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bands:
-    """What the bands of rollouts are made of; `calibrate_bands` makes it.
+    """What the bands of rollouts are made of; `infer_bands` makes it.
 
     Half of a band, squared, is that of the uncertain parameters and that of the errors on the training recordings so
     long after the start. These have no normal distribution (what a swing-up's last window has is many times what is
@@ -104,15 +104,17 @@ class Bands:
     calibrated_on: str
     horizon: float
 
-    def predict(self, stretches: Sequence[Stretch]) -> list[BandedPath]:
-        """Roll out stretches of recordings, each from its first state.
+    def predict(self, recordings: Sequence[Trajectory | Stretch]) -> list[BandedPath]:
+        """Roll out recordings or stretches of them, each from its first state.
 
         Args:
-            stretches: Stretches, of about a second: longer after the start than training tells the band stays as wide.
+            recordings: Recordings, or stretches, of about a second: longer after the start than training tells the band
+                stays as wide.
 
         Returns:
             A path for each.
         """
+        stretches = [Stretch.whole(each) if isinstance(each, Trajectory) else each for each in recordings]
         found: dict[int, BandedPath] = {}
         quantile = self.posterior.quantile(LEVEL)
         for i, path in _paths(self.posterior, stretches, self.hold, self.solver):
@@ -146,6 +148,35 @@ class Bands:
             columns.append([part[finite] for part in (error, path.half_width[1:], path.from_parameters[1:])])
         found = tuple(np.concatenate(column) for column in zip(*columns, strict=True))
         return found, sum(len(stretch) - 1 for stretch in stretches) - len(found[0])
+
+
+def infer_bands(result: FitResult, dataset: Dataset) -> Bands:
+    """Infer how certain a trained model is, and make bands of its predictions.
+
+    Args:
+        result: What `fit` found.
+        dataset: What it was fitted to.
+
+    Returns:
+        Bands of predictions; its `posterior.half_width` makes those of anything computed from the model.
+
+    Raises:
+        ValueError: If there are too few windows of training data, or too many parameters, or no rollout stays finite.
+
+    Example:
+        >>> import numpy as np
+        >>> from symoden import Dataset, TrainingConfig, fit
+        >>> ts = np.linspace(0.0, 8.0, 161)
+        >>> q, v = np.cos(ts)[:, None], -np.sin(ts)[:, None]
+        >>> swing = Trajectory(name="swing", ts=ts, q=q, rates=v, us=np.zeros((161, 0)))
+        >>> data = Dataset(name="spring", space="R1", train=(swing,))
+        >>> quick = TrainingConfig(adam_steps=50, lm_steps=2, growth_steps=0, relevance_steps=0)
+        >>> bands = infer_bands(fit(data, config=quick), data)
+        >>> (path,) = bands.predict(data.train)
+        >>> path.q.shape, path.half_width.shape
+        ((161, 1), (161, 1))
+    """
+    return calibrate_bands(result.posterior(dataset), hold_out(dataset, result.config), solver=result.solver)
 
 
 def calibrate_bands(posterior: AbstractPosterior, dataset: Dataset, *, solver: AbstractSolver) -> Bands:

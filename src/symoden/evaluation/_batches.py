@@ -31,6 +31,11 @@ class Stretch:
     start: int
     stop: int
 
+    @classmethod
+    def whole(cls, recording: Trajectory) -> "Stretch":
+        """A recording from beginning to end."""
+        return cls(trajectory=recording, start=0, stop=len(recording))
+
     def __len__(self) -> int:
         """Number of samples."""
         return self.stop - self.start
@@ -99,7 +104,7 @@ def entire(trajectories: Sequence[Trajectory]) -> list[Stretch]:
     Returns:
         One stretch for each.
     """
-    return [Stretch(trajectory=trajectory, start=0, stop=len(trajectory)) for trajectory in trajectories]
+    return list(map(Stretch.whole, trajectories))
 
 
 def pieces(trajectories: Sequence[Trajectory], steps: int) -> list[Stretch]:

@@ -29,8 +29,10 @@ from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._first_guess import as_heavy, begin_with, can_be_guessed, guess, silent
 from ._flatten import cast, freed
 from ._gauss_newton import MOST_SOLVED
+from ._laplace import infer_posterior
 from ._levenberg_stage import LevenbergStage
 from ._line_up import can_regress, line_up
+from ._posterior import AbstractPosterior
 from ._run import MODEL, Journal, Progress, Stopwatch, run
 from ._scales import measure_scales
 from ._stages import AbstractStage
@@ -59,8 +61,8 @@ class FitResult:
         loss: Its loss on the validation data (on the training data without them).
         seconds: Time spent [s] by this run and, where it goes on from a checkpoint, by those before it; what these
             spent on members is not counted.
-        substeps: RK4 steps in a sampling interval that its rollouts need, as for
-            `infer_posterior(..., substeps=substeps)`.
+        config: Settings of training.
+        substeps: RK4 steps in a sampling interval that its rollouts need.
         ensemble: Models that were trained like it, if any were asked for.
         verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
         hardly_judged: Those of them that so few windows of validation refused that these hardly tell.
@@ -71,6 +73,7 @@ class FitResult:
     completed: bool
     loss: float
     seconds: float
+    config: TrainingConfig
     substeps: int
     ensemble: Ensemble | None = None
     verdicts: dict[str, str] = field(default_factory=dict)
@@ -80,6 +83,22 @@ class FitResult:
     def solver(self) -> RK4:
         """What rollouts of the model are to be integrated by, as the command line does it."""
         return RK4(max(FEWEST_SUBSTEPS, self.substeps))
+
+    def posterior(self, dataset: Dataset) -> AbstractPosterior:
+        """What the data leave open about its parameters: by the models that were trained like it, if there are any.
+
+        Args:
+            dataset: What it was fitted to.
+
+        Returns:
+            The ensemble; without one, Laplace's approximation (`infer_posterior`), which may take a minute.
+
+        Raises:
+            ValueError: As `infer_posterior` does, such as of too few windows.
+        """
+        if self.ensemble is not None:
+            return self.ensemble
+        return infer_posterior(self.model, dataset, self.config, substeps=self.substeps)
 
 
 def ignore(progress: Progress) -> None:
@@ -180,6 +199,7 @@ def fit(
         completed=completed,
         loss=state.best_loss,
         seconds=watch.seconds,
+        config=config,
         substeps=state.substeps,
         ensemble=ensemble,
         verdicts=findings.verdicts,

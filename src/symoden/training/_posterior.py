@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -72,6 +73,20 @@ class AbstractPosterior(abc.ABC):
             The rows' norms are standard deviations; their products covariances. What no data of positions and
             velocities tell, the common scale of M, V, g and D where nothing fixes it, is part of them.
         """
+
+    def half_width(self, quantities: Quantities, level: float = 0.9) -> Float[np.ndarray, "*K"]:
+        """Half of the bands of quantities.
+
+        Args:
+            quantities: A differentiable function of the model, such as `lambda model: model.mass_matrix(q)`.
+            level: Probability that each band is to cover.
+
+        Returns:
+            Half of each band, in the quantities' shape.
+        """
+        shape = jax.eval_shape(quantities, self.model).shape
+        rows = self.project(lambda model: jnp.ravel(quantities(model)))
+        return self.quantile(level) * np.linalg.norm(rows, axis=1).reshape(shape)
 
     @abc.abstractmethod
     def scatter(self) -> AbstractScatter:
