@@ -141,7 +141,7 @@ def in_strides():
 
     def fit_on(dataset, *, most, **settings):
         for _ in range(most):
-            part = fit(dataset, **settings, resume=True, max_minutes=0.0)
+            part = fit(dataset, **settings, resume=True, max_minutes=1e-9)
             yield part
             if part.completed:
                 return

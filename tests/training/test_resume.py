@@ -56,7 +56,7 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(
         arrays, _ = load_arrays(tmp_path / "parts" / "checkpoints" / "latest.safetensors")
         whitened |= any(array.any() for array in arrays.values() if array.shape == (2, 3, 3))  # Lags.
         if not part.completed:
-            assert "time limit of 0 minutes" in part.outcome
+            assert "time limit of 1e-09 minutes" in part.outcome
             assert " still to come" in part.outcome
             left = part.outcome.partition(", with ")[2].partition(" still")[0].split(", ")
             delivered.setdefault(left[0], []).append(part.model)
@@ -112,15 +112,14 @@ def test_the_time_limit_is_on_this_run_alone():
     watch.spent = 600.0
     assert watch.seconds >= 600
     assert not watch.is_over()
-    assert Stopwatch(0.0).is_over()
+    assert Stopwatch(1e-9).is_over()
     assert not Stopwatch(None).is_over()
 
 
 def test_a_time_limit_says_how_far_training_came_and_few_of_the_stages_to_come():
     said = Stopwatch(2.0).outcome(["inputs", "growth", "growth", "friction", "priors"], 4)
     assert said == (
-        "stopped at the time limit of 2 minutes after 4 of 9 stages, with inputs, growth, friction, … still to come "
-        "(--resume goes on)"
+        "stopped at the time limit of 2 minutes after 4 of 9 stages, with inputs, growth, friction, … still to come"
     )
 
 
@@ -155,7 +154,7 @@ def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path, l
 
 def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
     config = dataclasses.replace(quick, adam_steps=600, lm_steps=0)
-    fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=0.0)
+    fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=1e-9)
     path = tmp_path / "checkpoints" / "latest.safetensors"
     path.write_bytes(path.read_bytes()[:-7])
     with pytest.raises(StorageError, match="truncated or damaged"):
@@ -166,7 +165,7 @@ def test_a_damaged_checkpoint_is_refused(pendulum, small, quick, tmp_path):
 @pytest.mark.parametrize("value", [None, "soon"])
 def test_a_checkpoint_of_another_version_is_refused(pendulum, small, quick, tmp_path, name, value):
     config = dataclasses.replace(quick, adam_steps=2)
-    fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=0.0)
+    fit(pendulum(), model=small, config=config, folder=tmp_path, max_minutes=1e-9)
     path = tmp_path / "checkpoints" / "latest.safetensors"
     arrays, plain = load_arrays(path)
     others = {key: number for key, number in plain.items() if key != name}
@@ -178,7 +177,7 @@ def test_a_checkpoint_of_another_version_is_refused(pendulum, small, quick, tmp_
 @pytest.mark.parametrize("other", ["seed", "prior", "model", "data"])
 def test_a_checkpoint_of_other_data_or_settings_is_refused(pendulum, small, quick, tmp_path, other):
     config, folder = dataclasses.replace(quick, adam_steps=2), str(tmp_path)
-    fit(pendulum(), model=small, config=config, folder=folder, max_minutes=0.0)
+    fit(pendulum(), model=small, config=config, folder=folder, max_minutes=1e-9)
     parts = {"dataset": pendulum(), "model": small, "config": config}
     changed = {
         "seed": {"config": dataclasses.replace(config, seed=1)},
@@ -188,7 +187,7 @@ def test_a_checkpoint_of_other_data_or_settings_is_refused(pendulum, small, quic
     }
     with pytest.raises(StorageError, match="of the same data, settings and version"):
         fit(**(parts | changed[other]), folder=folder, resume=True)
-    assert fit(**parts, folder=folder, resume=True, max_minutes=0.0).seconds > 0
+    assert fit(**parts, folder=folder, resume=True, max_minutes=1e-9).seconds > 0
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
@@ -221,3 +220,35 @@ def test_nothing_is_written_without_a_folder(pendulum, small, quick, tmp_path, m
 def test_printed_progress_is_a_line_of_words():
     assert str(Progress("adam", 3, 10, 0.12345, 0.5, 2.4)) == "adam 3/10  loss 0.1235  validation 0.5  2 s"
     assert str(Progress("growth", 9, 9, 2e-6, None, 60.0, verdict="kept")) == "growth 9/9  loss 2e-06  kept  60 s"
+
+
+def test_training_ends_when_progress_returns_true_with_the_best_model_so_far(pendulum, small, quick, tmp_path):
+    run = functools.partial(fit, pendulum(), model=small, config=quick, members=2, folder=tmp_path, resume=True)
+    said = []
+    ended = run(progress=lambda now: said.append(now) or len(said) == 2)
+    assert len(said) == 2
+    assert not ended.completed
+    assert ended.ensemble is None
+    assert ended.outcome.startswith("stopped as `progress` returned True after ")
+    part, strides = run(progress=lambda now: now.stage.startswith("model")), []
+    assert (part.outcome, part.completed) == ("stopped as `progress` returned True, with members still to come", False)
+    whole = run(progress=lambda now: strides.append(now) or 1)  # What answers with numbers wants no end.
+    assert whole.completed
+    assert strides
+    assert all(now.stage.startswith("model ") for now in strides)
+
+
+def test_an_interrupted_run_gives_the_model_of_its_last_stride(pendulum, small, quick, tmp_path):
+    said = []
+
+    def interrupt(now):
+        said.append(now)
+        if len(said) == 3:
+            raise KeyboardInterrupt
+
+    run = functools.partial(fit, pendulum(), model=small, config=quick, folder=tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        run(progress=interrupt)
+    kept = run(resume=True, progress=lambda now: said.append(now) or True)
+    assert len(said) == 4
+    assert "as `progress` returned True" in kept.outcome

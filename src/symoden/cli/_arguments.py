@@ -68,8 +68,9 @@ class Train:
             they scatter makes the bands of `inspect`, `evaluate`, `predict` and `report`. At least 2, better 8; with
             --resume they are added to a run that has ended, or to those that it has.
         resume: Continue the run in the folder, with its settings.
-        max_minutes: Stop after this time with the best model so far. What takes longer in one piece, as judging by
-            windows left out in turn may, is left to the next run, which ends it first.
+        max_minutes: Stop after this time with the best model so far, or ten seconds later where a stage had to be
+            compiled. What takes longer in one piece, as judging by windows left out in turn may, is left to the next
+            run, which ends it first.
         general: How to report.
     """
 

@@ -87,7 +87,8 @@ def run(command: Train) -> None:
     else:
         model = result.model
         size = size_words(count_parameters(model), count_active(model, jnp.zeros(model.space.size)))
-        print(f"{result.outcome}, after {result.seconds:.0f} s; parameters: {size}")
+        more = "" if result.completed else " (--resume goes on)"
+        print(f"{result.outcome}{more}, after {result.seconds:.0f} s; parameters: {size}")
         if result.ensemble is not None:
             words = ensemble_words(len(result.ensemble.members), result.ensemble.tried)
             enough = len(result.ensemble.members) >= FEWEST_MEMBERS

@@ -73,7 +73,8 @@ def name_unfinished(config: RunConfig) -> None:
     """
     if config.trained is not None and not config.trained.completed:
         print(
-            f"warning: not all of training is done: {config.trained.outcome}. Until it is, bands may be too narrow.",
+            f"warning: not all of training is done: {config.trained.outcome}. Until it is "
+            "(`train --resume` goes on), bands may be too narrow.",
             file=sys.stderr,
         )
 

@@ -297,7 +297,7 @@ def train_run(
     *,
     resume: bool = False,
     max_minutes: float | None = None,
-    progress: Callable[[Progress], None] = ignore,
+    progress: Callable[[Progress], object] = ignore,
 ) -> FitResult:
     """Train, and keep everything in a folder.
 
@@ -307,7 +307,7 @@ def train_run(
         dataset: Its data.
         resume: Go on from the latest checkpoint.
         max_minutes: Stop after this time with the best model so far.
-        progress: Called after every stride.
+        progress: Called after every stride; True ends training, as `max_minutes` does.
 
     Returns:
         The model and how training ended; the folder then holds `config.json` and `model.safetensors`, and where members

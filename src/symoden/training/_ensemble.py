@@ -203,7 +203,6 @@ def train_members(
     path: Path | None,
     resume: bool,
     watch: Stopwatch,
-    progress: Callable[[Progress], None],
 ) -> Ensemble:
     """Train models until there are as many as wanted, or twice as many were tried.
 
@@ -215,11 +214,10 @@ def train_members(
         count: How many are wanted.
         path: Where to keep them, each as soon as it is trained.
         resume: Go on with those that are there.
-        watch: Tells when the time is over; a member that is being trained then is lost.
-        progress: Called after every step.
+        watch: Hears of every step and tells when the run is to end; a member that is being trained then is lost.
 
     Returns:
-        The ensemble; smaller than wanted where the time was over, or too many went astray.
+        The ensemble; smaller than wanted where the run was to end, or too many went astray.
     """
     stage, model = pattern.stage, cast(pattern.state.best, float)
     restore, theta = Flattening.of(model, corrections=stage.corrections)
@@ -233,12 +231,12 @@ def train_members(
     )
     if resume and path is not None and path.exists():
         ensemble = load_ensemble(path, model)
-    while not ensemble.is_complete(count):
+    while not ensemble.is_complete(count) and not watch.is_up():
         member = _Member(pattern, restore, ensemble.tried)
         name, found = f"model {len(ensemble.members) + 1} of {count}", ensemble.theta
         for done in member.train():
             found = done.best
-            progress(Progress(name, done.step, member.steps, done.loss, None, watch.seconds))
+            watch.report(Progress(name, done.step, member.steps, done.loss, None, watch.seconds))
             if watch.is_over() and not done.ended:
                 return ensemble
         members = ensemble.members

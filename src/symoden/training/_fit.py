@@ -33,7 +33,7 @@ from ._laplace import infer_posterior
 from ._levenberg_stage import LevenbergStage
 from ._line_up import can_regress, line_up
 from ._posterior import AbstractPosterior
-from ._run import MODEL, Journal, Progress, Stopwatch, run
+from ._run import MODEL, Journal, Progress, Stopwatch, ignore, run
 from ._scales import measure_scales
 from ._stages import AbstractStage
 from ._state import Incumbent, TrainingState
@@ -101,11 +101,6 @@ class FitResult:
         return infer_posterior(self.model, dataset, self.config, substeps=self.substeps)
 
 
-def ignore(progress: Progress) -> None:
-    """Report nothing."""
-    del progress
-
-
 def fit(
     dataset: Dataset,
     *,
@@ -115,7 +110,7 @@ def fit(
     resume: bool = False,
     members: int = 0,
     max_minutes: float | None = None,
-    progress: Callable[[Progress], None] = ignore,
+    progress: Callable[[Progress], object] = ignore,
 ) -> FitResult:
     """Train a model on recordings.
 
@@ -132,8 +127,10 @@ def fit(
             run, bit for bit.
         members: How many more models to train like it, from other initial weights on windows drawn with replacement:
             how they scatter says how certain it is. 0 trains none.
-        max_minutes: Stop after this time, earlier runs not counted, with the best model so far.
-        progress: Called after every stride.
+        max_minutes: Stop after this time, earlier runs not counted, with the best model so far. A stride that has begun
+            ends first; the first of a stage compiles, which may take ten seconds.
+        progress: Called after every stride. Where it returns True, training ends with the best model so far, as at the
+            time limit; with a `folder`, `resume=True` goes on.
 
     Returns:
         The model and how training ended.
@@ -141,8 +138,8 @@ def fit(
     Raises:
         TypeError: If `dataset`, `model` or `config` is something else.
         TrainingError: If no model was found whose mean squared errors are finite and below a thousand times the motion.
-        ValueError: If members are wanted and training has no Levenberg-Marquardt, or something is to be resumed and no
-            folder is named.
+        ValueError: If members are wanted and training has no Levenberg-Marquardt, something is to be resumed and no
+            folder is named, or `max_minutes` is not positive.
         DataError: If every recording is shorter than a window, nothing moves, or a given part cannot be a mechanism's.
         StorageError: If `folder` cannot be written, has a run that is not to be resumed, its checkpoint is damaged, or
             of other data or settings, or the model cannot be saved there, as one with Python functions cannot.
@@ -167,14 +164,14 @@ def fit(
     _refuse_overwriting(journal, resume=resume)
     precision = jnp.zeros(()).dtype  # The user's; inside, arrays have another.
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
-    watch = Stopwatch(max_minutes)
+    watch = Stopwatch(max_minutes, progress)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
-        guessing = lambda step, most, loss: progress(Progress("first guess", step, most, loss, None, watch.seconds))
+        guessing = lambda step, most, loss: watch.report(Progress("first guess", step, most, loss, None, watch.seconds))
         stages, state, fresh = _prepare(dataset, model, config, guessing, saved=folder is not None)
         begun = state.model
         counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
-        state, findings = run(stages, state, journal, resume=resume, watch=watch, progress=progress)
+        state, findings = run(stages, state, journal, resume=resume, watch=watch)
         completed, ensemble, outcome = state.stage == len(stages), None, findings.outcome
         state = _rated(stages, state, completed=completed)
         _refuse_lost(state, config, completed=completed)
@@ -185,9 +182,7 @@ def fit(
             save(folder / MODEL, best)
         if members and completed:
             pattern = _pattern(stages, state, fresh, config)
-            ensemble = train_members(
-                pattern, members, path=journal.ensemble, resume=resume, watch=watch, progress=progress
-            )
+            ensemble = train_members(pattern, members, path=journal.ensemble, resume=resume, watch=watch)
             completed = ensemble.is_complete(members)
             if not completed:
                 outcome = watch.outcome(["members"])

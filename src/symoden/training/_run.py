@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from symoden.storage import StorageError, write_atomically
 from symoden.wording import first_few, number
 
@@ -60,18 +62,26 @@ class Progress(NamedTuple):
         return f"loss {number(self.loss)}{validation}{verdict}"
 
 
-class Stopwatch:
-    """Time spent on training, that of earlier runs included, and the limit on this one."""
+def ignore(progress: Progress) -> None:
+    """Report nothing."""
+    del progress
 
-    def __init__(self, max_minutes: float | None) -> None:
+
+class Stopwatch:
+    """Time spent on training, that of earlier runs included, and what ends this run early: a limit, or who follows."""
+
+    def __init__(self, max_minutes: float | None, progress: Callable[[Progress], object] = ignore) -> None:
         """Start it.
 
         Args:
             max_minutes: Largest time from now on, if any.
+            progress: Called with every report; True ends the run.
         """
+        self._progress = progress
+        self._asked = False
         self.spent = 0.0  # In earlier runs [s].
         self._started = time.monotonic()
-        self._limit = max_minutes
+        self._limit = math.inf if max_minutes is None else max_minutes
         self._ends = [0.0]  # Of the steps so far [s].
 
     @property
@@ -79,12 +89,21 @@ class Stopwatch:
         """Time spent [s]."""
         return self.spent + time.monotonic() - self._started
 
+    def report(self, now: Progress) -> None:
+        """Say how far training is, and hear whether that will do.
+
+        Args:
+            now: How far it is.
+        """
+        answer = self._progress(now)
+        self._asked |= isinstance(answer, bool | np.bool_) and bool(answer)  # A callback that counts means no more.
+
     def is_up(self) -> bool:
-        """Whether the time is up."""
-        return self._limit is not None and time.monotonic() - self._started >= 60 * self._limit
+        """Whether the run is to end now."""
+        return self._asked or time.monotonic() - self._started >= 60 * self._limit
 
     def is_over(self) -> bool:
-        """Whether the time is up, or would be before another step has ended; to be asked after each one.
+        """Whether the run is to end, or the time would be up before another step has ended; to be asked after each one.
 
         Returns:
             Whether it is so. Of the last two steps the shorter one tells: what compiles first takes long once.
@@ -92,7 +111,7 @@ class Stopwatch:
         now = time.monotonic() - self._started
         self._ends = [*self._ends[-2:], now]
         steps = [end - start for start, end in itertools.pairwise(self._ends)]
-        return self._limit is not None and now + (min(steps) if len(steps) > 1 else 0.0) >= 60 * self._limit
+        return self._asked or now + (min(steps) if len(steps) > 1 else 0.0) >= 60 * self._limit
 
     def outcome(self, left: Sequence[str], gone: int = 0) -> str:
         """How training ended when it is.
@@ -105,9 +124,10 @@ class Stopwatch:
             The outcome in words.
         """
         names = first_few(dict.fromkeys(left), _NAMED)
-        limit = f"{self._limit:g} minute{'' if self._limit == 1 else 's'}"
+        limit = f"at the time limit of {self._limit:g} minute{'' if self._limit == 1 else 's'}"
+        why = "as `progress` returned True" if self._asked else limit
         how_far = f" after {gone} of {gone + len(left)} stages" if gone else ""
-        return f"stopped at the time limit of {limit}{how_far}, with {names} still to come (--resume goes on)"
+        return f"stopped {why}{how_far}, with {names} still to come"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,7 +226,6 @@ def run(
     *,
     resume: bool,
     watch: Stopwatch,
-    progress: Callable[[Progress], None],
 ) -> tuple[TrainingState, Findings]:
     """Go through the stages.
 
@@ -215,8 +234,7 @@ def run(
         state: State before the first of them.
         journal: Where to keep it.
         resume: Start from the journal's checkpoint, if there is one.
-        watch: Tells when the time is over, and learns what was spent before.
-        progress: Called after every stride.
+        watch: Hears of every stride and tells when the run is to end; learns what was spent before.
 
     Returns:
         The last state, and how it ended and the verdicts on stages, those before a resumption too.
@@ -244,7 +262,7 @@ def run(
             state = _next(stages, state)
         journal.write(stages, state, findings, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
-            progress(now)
+            watch.report(now)
         if watch.is_over() and state.stage < len(stages):
             return _cut_short(stages, state, findings, watch)
     return state, findings
