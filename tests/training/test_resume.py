@@ -252,3 +252,9 @@ def test_an_interrupted_run_gives_the_model_of_its_last_stride(pendulum, small, 
     kept = run(resume=True, progress=lambda now: said.append(now) or True)
     assert len(said) == 4
     assert "as `progress` returned True" in kept.outcome
+
+
+@pytest.mark.parametrize("minutes", [0.0, -1.0, float("nan")])
+def test_a_time_limit_that_is_none_is_refused(pendulum, minutes):
+    with pytest.raises(ValueError, match=r"`max_minutes` must be positive; got .*None is no limit"):
+        fit(pendulum(), max_minutes=minutes)

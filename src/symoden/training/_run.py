@@ -76,7 +76,12 @@ class Stopwatch:
         Args:
             max_minutes: Largest time from now on, if any.
             progress: Called with every report; True ends the run.
+
+        Raises:
+            ValueError: If the time is not positive.
         """
+        if max_minutes is not None and not max_minutes > 0:
+            raise ValueError(f"`max_minutes` must be positive; got {max_minutes}. None is no limit.")
         self._progress = progress
         self._asked = False
         self.spent = 0.0  # In earlier runs [s].
