@@ -324,3 +324,13 @@ def test_a_configuration_of_another_size_is_refused(name, small_model):
     for wrong in (jnp.array([0.3]), jnp.zeros(3)):
         with pytest.raises(ValueError, match=r"`q` must have the shape \(2,\), one number per coordinate of T1 R1"):
             model.mass_matrix(wrong)
+
+
+def test_a_model_takes_lists_of_numbers(small_model):
+    model, q, v = small_model("joint"), [0.3, -1], [1, 0.5]
+    there, at = jnp.array(q), jnp.array(v)
+    assert jnp.array_equal(model.mass_matrix(q), model.mass_matrix(there))
+    assert jnp.array_equal(model.potential_energy(tuple(q)), model.potential_energy(q=there))
+    assert jnp.array_equal(model.dissipation_matrix(q, v=v), model.dissipation_matrix(there, at))
+    with pytest.raises(ValueError, match="`q` must be an array of numbers; got 'up'"):
+        model.mass_matrix("up")

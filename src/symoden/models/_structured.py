@@ -1,5 +1,7 @@
 """Port-Hamiltonian model with kinetic plus potential energy: the paper's dissipative SymODEN, and SymODEN without D."""
 
+import functools
+import inspect
 from collections.abc import Callable
 from typing import TypeVar, cast, final
 
@@ -14,7 +16,7 @@ from symoden.blocks import (
     with_parameters,
 )
 from symoden.mechanics import AbstractMechanical
-from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities
+from symoden.shapes import Coordinates, DissipationMatrix, InputMatrix, Scalar, SquareMatrix, Velocities, floats
 from symoden.spaces import Space
 
 _Method = TypeVar("_Method", bound=Callable)
@@ -27,11 +29,18 @@ def traced_once(method: _Method) -> _Method:
         method: The method.
 
     Returns:
-        The program.
+        The program; it takes lists of numbers, too.
     """
     # Tracing is half of the time that programs take until they run (`benchmarks/`), and a vector field asks for M⁻¹
     # several times. Outside of programs it is one call instead of hundreds.
-    return cast("_Method", eqx.filter_jit(method))
+    program, names = eqx.filter_jit(method), list(inspect.signature(method).parameters)[1:]
+
+    @functools.wraps(method)
+    def called(self: eqx.Module, *places: object, **named: object) -> object:
+        given = dict(zip(names, places, strict=False)) | named
+        return program(self, **{name: floats(value, f"`{name}`") for name, value in given.items()})
+
+    return cast("_Method", called)
 
 
 @final
