@@ -39,8 +39,11 @@ REFUSED = {
     "symoden.fit(data, config={'seed': 1})": "TypeError | Training must be given a `TrainingConfig`; got dict.",
     "symoden.fit(data, resume=True)": "ValueError | Training can be resumed only in a `folder`; got none.",
     "symoden.control.design(symoden.systems.Pendulum(), [0.0], method='pid')": "ValueError | `method` must be one",
-    "symoden.predict(symoden.systems.Pendulum(), swing)": "TypeError | `trajectories` must be a list of rec",
-    "symoden.predict(symoden.systems.Pendulum(), data)": "TypeError | `trajectories` must be a list of rec",
+    "symoden.predict(none, swing)": "TypeError | `trajectories` must be a list of recordings; got Trajectory. Write [",
+    "symoden.predict(none, data)": "TypeError | `trajectories` must be a list of recordings; got Dataset. Write `da",
+    "symoden.predict(none, {'a': swing})": "TypeError | `trajectories` must be a list of recordings; got dict. Write ",
+    "symoden.predict(none, 'arm.csv')": "TypeError | `trajectories` must be a list of recordings; got str. `read_d",
+    "symoden.predict(none, [q])": "TypeError | `trajectories` must be a list of recordings; got list with ndarray in",
     "symoden.KnownParts(potential_energy='q1', cyclic='q2')": "ValueError | `cyclic` must be a list of names; got the",
 }
 

@@ -195,6 +195,12 @@ def test_other_recordings_and_their_padding_change_nothing():
         assert path.q.shape == recording.q.shape
 
 
+def test_recordings_to_predict_may_come_one_by_one():
+    recordings = {each.name: each for each in (recorded(0.05 * np.arange(25), name=name) for name in "ab")}
+    for given in (recordings.values(), (each for each in recordings.values())):
+        assert len(predict(Pendulum(), given, solver=RK4(2))) == 2
+
+
 def test_inputs_are_held_as_the_data_say():
     recording = recorded(0.1 * np.arange(20))
     held, joined = (predict(Pendulum(), [recording], hold=hold, solver=RK4(2))[0].q for hold in ("zero", "linear"))

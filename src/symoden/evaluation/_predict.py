@@ -1,7 +1,7 @@
 """Rollouts along recordings."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from symoden.blocks import without_silent
-from symoden.data import Trajectory, first_samples
+from symoden.data import Dataset, Trajectory, first_samples
 from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.training import FEWEST_SUBSTEPS, find_first_state
@@ -35,7 +35,7 @@ class Prediction:
 
 def predict(
     model: AbstractDynamics,
-    trajectories: Sequence[Trajectory],
+    trajectories: Iterable[Trajectory],
     *,
     hold: str = "zero",
     solver: AbstractSolver | None = None,
@@ -55,7 +55,7 @@ def predict(
         One prediction for each recording.
 
     Raises:
-        TypeError: If the recordings are no sequence of them.
+        TypeError: If something else than recordings is given.
         ValueError: If `hold` is no key of `HOLDS`.
 
     Example:
@@ -68,22 +68,32 @@ def predict(
     """
     if hold not in HOLDS:
         raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
-    if not isinstance(trajectories, Sequence):
-        raise TypeError(
-            f"`trajectories` must be a list of recordings; got {type(trajectories).__name__}. Write [recording] for "
-            "one, and `dataset.test` for those of a part."
-        )
+    recordings = _listed(trajectories)
     chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
-    begun = [_begun(model, trajectory, chosen, solver) for trajectory in trajectories]
+    begun = [_begun(model, recording, chosen, solver) for recording in recordings]
     found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
     astray = [
         i
-        for i, trajectory in enumerate(trajectories)
-        if begun[i] is not trajectory and not np.isfinite(found[i].observations).all()
+        for i, recording in enumerate(recordings)
+        if begun[i] is not recording and not np.isfinite(found[i].observations).all()
     ]
-    for k, path in paths(model, entire([trajectories[i] for i in astray]), hold=chosen, solver=solver):
+    for k, path in paths(model, entire([recordings[i] for i in astray]), hold=chosen, solver=solver):
         found[astray[k]] = path
-    return [found[i] for i in range(len(trajectories))]
+    return [found[i] for i in range(len(recordings))]
+
+
+def _listed(trajectories: object) -> list[Trajectory]:
+    """The recordings, however many are given."""
+    each = list(trajectories) if isinstance(trajectories, Iterable) else []
+    odd = [one for one in each if not isinstance(one, Trajectory)]
+    if isinstance(trajectories, Iterable) and not odd:
+        return each
+    hints = {Trajectory: "Write [recording] for one.", Dataset: "Write `dataset.test` for those of a part."}
+    hints |= {dict: "Write `.values()` for those that it names.", str: "`read_dataset` reads them from files."}
+    got = type(trajectories).__name__
+    named = f"{got} with {type(odd[0]).__name__} in it" if odd and not isinstance(trajectories, dict | str) else got
+    hint = hints.get(type(trajectories), "`Trajectory(…)` makes one of arrays.")
+    raise TypeError(f"`trajectories` must be a list of recordings; got {named}. {hint}")
 
 
 def _begun(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
