@@ -297,6 +297,7 @@ MISFITS = [
         "`potential_energy` must be a function that JAX can trace .* in place",
     ),
     ({"potential_energy": lambda q: 1.0 if q[0] > 0 else 0.0}, "and `jnp.where` in place of `if`"),
+    ({"potential_energy": lambda q: jnp.sum(q[q > 0])}, r"must be a function that JAX can trace .* of `x\[x > 0\]`"),
     ({"dissipation_matrix": lambda q, v: jnp.outer(q, v)[:1]}, "2 × 2; got 1 × 2"),
 ]
 

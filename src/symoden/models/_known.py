@@ -202,10 +202,11 @@ def _refuse_other_shape(
     both = isinstance(part, AbstractFriction) or (moves and not isinstance(part, AbstractBlock))
     try:
         value = eqx.filter_eval_shape(part, *((q, q) if both else (q,)))
-    except jax.errors.JAXTypeError as error:
+    except (jax.errors.JAXTypeError, jax.errors.JAXIndexError) as error:
         raise ValueError(
             f"`{name}` must be a function that JAX can trace and differentiate; it wants numbers in place of arrays. "
-            "Write `jax.numpy` in place of `numpy`, `float` and `math`, and `jnp.where` in place of `if`."
+            "Write `jax.numpy` in place of `numpy`, `float` and `math`, and `jnp.where` in place of `if` and of "
+            "`x[x > 0]`."
         ) from error
     if value is None or isinstance(value, list | tuple | dict):
         raise ValueError(
