@@ -163,10 +163,17 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path):
 
 def test_a_run_without_its_model_says_that_training_did_not_end(tmp_path):
     write_run(tmp_path, settings())
-    with pytest.raises(StorageError, match=r"its training did not end\. Resume it"):
+    with pytest.raises(StorageError, match=r"Its training did not end: resume it"):
         read_model(tmp_path)
     save(tmp_path / "model.safetensors", build(SMALL, Space.parse("T1"), 1, key=jax.random.key(0)))
     assert read_model(tmp_path).inputs == 1
+
+
+@pytest.mark.parametrize("read", [read_run, read_model])
+def test_what_an_interrupted_fit_has_left_is_told_from_other_folders(read, tmp_path):
+    (tmp_path / "checkpoints").mkdir()
+    with pytest.raises(StorageError, match=r"`symoden\.fit` was interrupted there .* goes on with `resume=True`"):
+        read(tmp_path)
 
 
 def test_training_never_overwrites_what_is_there(tmp_path):

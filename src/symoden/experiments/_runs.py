@@ -18,6 +18,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, load
 from symoden.storage import StorageError, exclusive, write_atomically
 from symoden.training import (
+    CHECKPOINTS,
     FEWEST_SUBSTEPS,
     MODEL,
     FitResult,
@@ -34,6 +35,10 @@ from ._sources import Source, absolute_name, read_source
 from ._tasks import TASKS
 
 _PACKAGES: Final = ("symoden", "jax", "jaxlib", "equinox", "optax", "diffrax", "numpy", "scipy")
+_INTERRUPTED: Final = (
+    "`symoden.fit` was interrupted there and left checkpoints: it goes on with `resume=True`, this `folder` and the "
+    "same data and settings."
+)
 
 
 def _versions() -> dict[str, str]:
@@ -174,6 +179,8 @@ def read_run(folder: Path | str) -> RunConfig:
         advice = "Check the path, or train."
         if (folder / MODEL).is_file():
             advice = "`symoden.fit` made it of data in memory: `read_model` loads its model."
+        elif (folder / CHECKPOINTS).is_dir():
+            advice = _INTERRUPTED
         raise StorageError(f"`{folder}` must be the folder of a run; it has no `config.json`. {advice}")
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
@@ -207,8 +214,9 @@ def read_model(folder: Path | str) -> AbstractDynamics:
     """
     folder = Path(folder)
     path = folder / MODEL
-    if holds_run(folder) and not path.is_file():
-        raise StorageError(f"`{folder}` has no `{MODEL}`: its training did not end. Resume it.")
+    if not path.is_file() and (holds_run(folder) or (folder / CHECKPOINTS).is_dir()):
+        advice = "Its training did not end: resume it." if holds_run(folder) else _INTERRUPTED
+        raise StorageError(f"`{folder}` has no `{MODEL}`. {advice}")
     return load(path)
 
 

@@ -23,10 +23,17 @@ from ._laplace import (
     save_laplace as save_laplace,
 )
 from ._posterior import AbstractPosterior as AbstractPosterior, AbstractScatter as AbstractScatter
-from ._run import ENSEMBLE as ENSEMBLE, MODEL as MODEL, POSTERIOR as POSTERIOR, Progress as Progress
+from ._run import (
+    CHECKPOINTS as CHECKPOINTS,
+    ENSEMBLE as ENSEMBLE,
+    MODEL as MODEL,
+    POSTERIOR as POSTERIOR,
+    Progress as Progress,
+)
 from ._scales import measure_scales as measure_scales, time_scale as time_scale
 
 __all__ = [
+    "CHECKPOINTS",
     "ENSEMBLE",
     "FEWEST_MEMBERS",
     "FEWEST_SUBSTEPS",

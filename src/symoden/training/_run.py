@@ -18,6 +18,8 @@ from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
 from ._stages import AbstractStage, Clock, OutOfTime, never
 from ._state import Findings, TrainingState
 
+CHECKPOINTS: Final = "checkpoints"
+"""Folder of the checkpoint in the folder of a run."""
 MODEL: Final = "model.safetensors"
 """File of the model in the folder of a run."""
 ENSEMBLE: Final = "ensemble.safetensors"
@@ -150,7 +152,7 @@ class Journal:
     @property
     def checkpoint(self) -> Path | None:
         """The latest checkpoint's file, whether it exists or not."""
-        return None if self.folder is None else self.folder / "checkpoints" / "latest.safetensors"
+        return None if self.folder is None else self.folder / CHECKPOINTS / "latest.safetensors"
 
     @property
     def ensemble(self) -> Path | None:
