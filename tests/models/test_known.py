@@ -209,11 +209,13 @@ SCALES = [
 def test_what_is_known_fixes_the_scale_unless_its_parameters_can_take_it_up(parts, expected):
     model = made(parts)
     assert parts_that_fix_the_scale(model) == expected
-    assert anchor(model) == (f"{', '.join(expected)} given" if expected else "none: only ratios are known")
+    fixes_all = "none: only ratios are known; one constant that is fixes all: `input_matrix`, or a mass under `[known]`"
+    assert anchor(model) == (f"{', '.join(expected)} given" if expected else fixes_all)
 
 
 def test_free_motion_fixes_no_scale():
-    assert anchor(build(SMALL, SPACE, 0, key=jax.random.key(0))) == "none: only ratios are known"
+    free = build(SMALL, SPACE, 0, key=jax.random.key(0))
+    assert anchor(free) == "none: only ratios are known; one constant that is fixes all: a mass under `[known]`"
 
 
 def test_magnitudes_are_momenta_of_known_inertia_and_known_forces():

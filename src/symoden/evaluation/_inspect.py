@@ -207,7 +207,10 @@ def anchor(model: AbstractDynamics) -> str:
     fixed = parts_that_fix_the_scale(model)
     if fixed:
         return f"{', '.join(fixed)} given"
-    return "momenta measured" if model.momenta else "none: only ratios are known"
+    if model.momenta:
+        return "momenta measured"
+    known = "`input_matrix`, or a mass under `[known]`" if model.inputs else "a mass under `[known]`"
+    return f"none: only ratios are known; one constant that is fixes all: {known}"
 
 
 def units(model: AbstractDynamics, position_units: Sequence[str]) -> dict[str, str]:
