@@ -86,6 +86,13 @@ def test_blocks_scale_what_their_functions_give():
     assert MatrixBlock(constant(), Known(jnp.zeros((2, 0))))(Q).shape == (2, 0)
 
 
+def test_constants_are_as_precise_as_what_depends_on_the_configuration():
+    single = constant(1, 2).values.astype(jnp.float32)
+    for block in (Constant(single), KnownValue(Known(single))):
+        assert block(Q).dtype == Q.dtype == jnp.float64
+        assert block(Q.astype(jnp.float32)).dtype == jnp.float32
+
+
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 @given(seed=seeds, turns=st.integers(-3, 3))
 def test_a_network_is_periodic_in_angles_only(activation, seed, turns):

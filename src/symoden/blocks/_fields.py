@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from symoden.shapes import Coordinates, DissipationMatrix, Scalar, SquareMatrix
 
-from ._functions import AbstractFunction
+from ._functions import AbstractFunction, as_precise_as
 from ._known import Known
 from ._triangles import inverse_of_positive, lower_triangle
 
@@ -35,8 +35,7 @@ class KnownValue(AbstractBlock):
 
     def __call__(self, q: Coordinates) -> Float[Array, "..."]:
         """The constant, whatever `q` is."""
-        del q
-        return self.value.value
+        return as_precise_as(q, self.value.value)
 
 
 @final

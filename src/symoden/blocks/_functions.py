@@ -166,8 +166,7 @@ class Constant(AbstractFunction):
 
     def __call__(self, q: Coordinates) -> Coefficients:
         """The coefficients, whatever `q` is."""
-        del q
-        return self.values
+        return as_precise_as(q, self.values)
 
 
 @final
@@ -228,6 +227,19 @@ class Reduced(AbstractFunction):
     def __call__(self, q: Coordinates) -> Coefficients:
         """Coefficients at the configuration `q`."""
         return self.function(jnp.stack([q[i] for i in self.kept]))  # No gather, which is slow to differentiate.
+
+
+def as_precise_as(q: Coordinates, values: Float[Array, "*K"]) -> Float[Array, "*K"]:
+    """Values that do not depend on a configuration, in the precision of what does.
+
+    Args:
+        q: The configuration.
+        values: The values.
+
+    Returns:
+        The values, no less precise than they were.
+    """
+    return values.astype(np.promote_types(values.dtype, q.dtype))
 
 
 def _orthogonal(key: PRNGKeyArray, rows: int, columns: int) -> Float[Array, "_ _"]:
