@@ -3,6 +3,7 @@
 import dataclasses
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from symoden.blocks import Correction
-from symoden.data import Dataset, Trajectory
+from symoden.data import Dataset, DataWarning, Trajectory
 from symoden.integrate import RK4, rollout
 from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, ModelConfig
@@ -54,6 +55,14 @@ def test_parameters_that_start_at_zero_are_recovered_in_any_unit(pendulum, unit)
     dataset = knowing(pendulum(), **parts, parameters={"w": 0.0, "d": 0.0})
     found: Any = fit(dataset, model=MODEL, config=STEPS).model
     assert np.asarray(found.parameters.values) / unit == pytest.approx([LOAD, 0.2], rel=1e-3)
+
+
+def test_arrays_of_a_known_module_stay_as_they_are_and_one_warning_says_so(pendulum):
+    load = eqx.nn.Linear(1, "scalar", use_bias=False, key=jax.random.key(0))
+    potential = jax.tree_util.Partial(lambda load, q: load(jnp.cos(q)), load)
+    with pytest.warns(DataWarning, match=r"arrays in the known `potential_energy` stay as they are: .* `parameters`"):
+        found: Any = fit(knowing(pendulum(), potential_energy=potential), model=MODEL, config=STEPS, max_minutes=1e-9)
+    assert eqx.tree_equal(found.model.potential.function, potential)
 
 
 def test_a_known_inertia_gives_the_rest_in_physical_units(pendulum):

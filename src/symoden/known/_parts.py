@@ -32,7 +32,9 @@ class KnownParts:
     A part is a matrix of numbers and formulas, row by row (the potential energy is one formula), or a Python function
     of q, for the dissipation matrix of (q, v). In formulas, `q1`, `q2`, … are the coordinates [m or rad], `v1`, `v2`, …
     the velocities (in the dissipation matrix alone), and other names are constants or parameters. A model with
-    formulas can be saved; one with Python functions cannot, since model files hold no code.
+    formulas can be saved; one with Python functions cannot, since model files hold no code. Numbers that a function
+    holds, such as the arrays of an Equinox module, stay as they are: what is learned of a part are the `parameters` of
+    its formulas, and what `correct` adds.
 
     Attributes:
         mass_matrix: M(q), symmetric positive definite.

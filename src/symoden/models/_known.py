@@ -1,6 +1,7 @@
 """Blocks of the parts of a mechanism that are given."""
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
@@ -169,7 +170,9 @@ def _part(known: KnownParts, name: str, shape: tuple[int, ...], space: Space) ->
         _refuse_other_shape(name, shape, part, space, moves=moves)
         if isinstance(part, AbstractBlock | AbstractFriction):
             return part
-        return KnownFriction(part) if moves else KnownFunction(part)
+        with warnings.catch_warnings():  # A module's arrays are to stay as they are, of which Equinox warns.
+            warnings.filterwarnings("ignore", message="A JAX array is being set as static")
+            return KnownFriction(part) if moves else KnownFunction(part)
     given = () if name == "potential_energy" else (len(part), len(part[0]))
     if given != shape:
         raise ValueError(f"`{name}` must be {_size(shape)}; got {_size(given)}. Give one row per coordinate.")

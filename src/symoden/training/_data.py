@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
@@ -31,6 +32,7 @@ from symoden.data import (
     without_poor_ends,
 )
 from symoden.integrate import HOLDS, RK4
+from symoden.known import PARTS
 from symoden.mechanics import AbstractDynamics
 from symoden.models import energies_are_given
 from symoden.spaces import Space
@@ -259,6 +261,25 @@ def name_short(dataset: Dataset, data: Data) -> None:
     if short:
         names = first_few((f"`{name}`" for name in short), _NAMED)
         message = f"{len(short)} of the recordings ({names}) are shorter than a window of {samples} samples: left out"
+        warnings.warn(message, DataWarning, stacklevel=2)
+
+
+def name_held(dataset: Dataset) -> None:
+    """Warn of arrays in known functions, as of a network, which are not learned.
+
+    Args:
+        dataset: Recordings, and what is known.
+
+    Warns:
+        DataWarning: If there are such.
+    """
+    parts = {} if dataset.known is None else {name: getattr(dataset.known, name) for name in PARTS}
+    held = [name for name, part in parts.items() if callable(part) and any(map(eqx.is_array, jax.tree.leaves(part)))]
+    if held:
+        message = (
+            f"the arrays in the known {', '.join(f'`{name}`' for name in held)} stay as they are: what is learned of a "
+            "known part are the `parameters` of its formulas, and what `correct` adds"
+        )
         warnings.warn(message, DataWarning, stacklevel=2)
 
 

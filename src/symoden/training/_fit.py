@@ -24,7 +24,7 @@ from symoden.storage import StorageError
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
-from ._data import hold_out, regression_data
+from ._data import hold_out, name_held, regression_data
 from ._ensemble import Ensemble, Pattern, check_members, train_members
 from ._first_guess import as_heavy, begin_with, can_be_guessed, guess, silent
 from ._flatten import cast, freed
@@ -245,6 +245,7 @@ def _prepare(
     if not dataset.train:
         raise DataError(f"`{dataset.name}`: training must have recordings in `train`; got none.")
     check_trainable(dataset)
+    name_held(dataset)
     dataset = hold_out(dataset, config)
     if saved and dataset.known is not None:
         _check_savable(_drawing(dataset, model, config)(0))  # Before guesses and training take their time.
