@@ -222,36 +222,45 @@ def test_printed_progress_is_a_line_of_words():
     assert str(Progress("growth", 9, 9, 2e-6, None, 60.0, verdict="kept")) == "growth 9/9  loss 2e-06  kept  60 s"
 
 
-def test_training_ends_when_progress_returns_true_with_the_best_model_so_far(pendulum, small, quick, tmp_path):
-    run = functools.partial(fit, pendulum(), model=small, config=quick, members=2, folder=tmp_path, resume=True)
+def raising(error, *, when):
+    """Progress that raises an error, and what it was told."""
     said = []
-    ended = run(progress=lambda now: said.append(now) or len(said) == 2)
+
+    def follow(now):
+        said.append(now)
+        if when(said):
+            raise error
+        return True  # As a progress bar may, which wants no end.
+
+    return follow, said
+
+
+def test_training_ends_when_progress_stops_with_the_best_model_so_far(pendulum, small, quick, tmp_path):
+    run = functools.partial(fit, pendulum(), model=small, config=quick, members=2, folder=tmp_path, resume=True)
+    follow, said = raising(StopIteration, when=lambda said: len(said) == 2)
+    ended = run(progress=follow)
     assert len(said) == 2
     assert not ended.completed
     assert ended.ensemble is None
-    assert ended.outcome.startswith("stopped as `progress` returned True after ")
-    part, strides = run(progress=lambda now: now.stage.startswith("model")), []
-    assert (part.outcome, part.completed) == ("stopped as `progress` returned True, with members still to come", False)
-    whole = run(progress=lambda now: strides.append(now) or 1)  # What answers with numbers wants no end.
-    assert whole.completed
-    assert strides
-    assert all(now.stage.startswith("model ") for now in strides)
+    assert ended.outcome.startswith("stopped by `progress` after ")
+    follow, _ = raising(StopIteration, when=lambda said: said[-1].stage.startswith("model"))
+    part = run(progress=follow)
+    assert (part.outcome, part.completed) == ("stopped by `progress`, with members still to come", False)
+    follow, said = raising(StopIteration, when=lambda _: False)
+    assert run(progress=follow).completed
+    assert said
+    assert all(now.stage.startswith("model ") for now in said)
 
 
 def test_an_interrupted_run_gives_the_model_of_its_last_stride(pendulum, small, quick, tmp_path):
-    said = []
-
-    def interrupt(now):
-        said.append(now)
-        if len(said) == 3:
-            raise KeyboardInterrupt
-
     run = functools.partial(fit, pendulum(), model=small, config=quick, folder=tmp_path)
+    follow, _ = raising(KeyboardInterrupt, when=lambda said: len(said) == 3)
     with pytest.raises(KeyboardInterrupt):
-        run(progress=interrupt)
-    kept = run(resume=True, progress=lambda now: said.append(now) or True)
-    assert len(said) == 4
-    assert "as `progress` returned True" in kept.outcome
+        run(progress=follow)
+    follow, said = raising(StopIteration, when=lambda _: True)
+    kept = run(resume=True, progress=follow)
+    assert len(said) == 1
+    assert "by `progress`" in kept.outcome
 
 
 @pytest.mark.parametrize("minutes", [0.0, -1.0, float("nan")])

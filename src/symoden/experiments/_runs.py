@@ -315,7 +315,7 @@ def train_run(
         dataset: Its data.
         resume: Go on from the latest checkpoint.
         max_minutes: Stop after this time with the best model so far.
-        progress: Called after every stride; True ends training, as `max_minutes` does.
+        progress: Called after every stride; by raising `StopIteration` it ends training, as `max_minutes` does.
 
     Returns:
         The model and how training ended; the folder then holds `config.json` and `model.safetensors`, and where members

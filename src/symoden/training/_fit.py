@@ -129,8 +129,8 @@ def fit(
             how they scatter says how certain it is. 0 trains none.
         max_minutes: Stop after this time, earlier runs not counted, with the best model so far. A stride that has begun
             ends first; the first of a stage compiles, which may take ten seconds.
-        progress: Called after every stride. Where it returns True, training ends with the best model so far, as at the
-            time limit; with a `folder`, `resume=True` goes on.
+        progress: Called after every stride. Where it raises `StopIteration`, training ends with the best model so far,
+            as at the time limit; with a `folder`, `resume=True` goes on.
 
     Returns:
         The model and how training ended.

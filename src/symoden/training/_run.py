@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from symoden.storage import StorageError, write_atomically
 from symoden.wording import first_few, number
 
@@ -77,7 +75,7 @@ class Stopwatch:
 
         Args:
             max_minutes: Largest time from now on, if any.
-            progress: Called with every report; True ends the run.
+            progress: Called with every report; where it raises `StopIteration`, the run ends.
 
         Raises:
             ValueError: If the time is not positive.
@@ -102,8 +100,10 @@ class Stopwatch:
         Args:
             now: How far it is.
         """
-        answer = self._progress(now)
-        self._asked |= isinstance(answer, bool | np.bool_) and bool(answer)  # A callback that counts means no more.
+        try:
+            self._progress(now)
+        except StopIteration:  # As SciPy's callbacks do; what is returned may be anything, as of a progress bar.
+            self._asked = True
 
     def is_up(self) -> bool:
         """Whether the run is to end now."""
@@ -132,7 +132,7 @@ class Stopwatch:
         """
         names = first_few(dict.fromkeys(left), _NAMED)
         limit = f"at the time limit of {self._limit:g} minute{'' if self._limit == 1 else 's'}"
-        why = "as `progress` returned True" if self._asked else limit
+        why = "by `progress`" if self._asked else limit
         how_far = f" after {gone} of {gone + len(left)} stages" if gone else ""
         return f"stopped {why}{how_far}, with {names} still to come"
 
