@@ -44,7 +44,10 @@ BAD = [
     ({"constants": {"l": 0.5, "sin": 1.0}}, "`sin` must be a name .* that means nothing else"),
     ({"constants": {"l": 0.5, "q1": 1.0}}, "`q1` must be a name"),
     ({"constants": {"l": 0.5, "a b": 1.0}}, "`a b` must be a name"),
-    ({"cyclic": ("yaw",)}, r"`cyclic` must name coordinates by their number, q1, q2, …; got `yaw`"),
+    (
+        {"cyclic": ("yaw",)},
+        r"`cyclic` must name coordinates by their number, q1, q2, …, or in a description by their column; got `yaw`",
+    ),
     ({"cyclic": ("q1",), "potential_energy": "cos(q1)"}, "`q1` stands in `potential_energy`"),
     ({"correct": ("potential_energy",)}, "`correct` must name parts that are given, of mass_matrix; got `pot"),
 ]

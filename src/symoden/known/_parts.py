@@ -200,7 +200,10 @@ def _refuse_cyclic(known: KnownParts) -> None:
     """Refuse cyclic coordinates that are none, or that a formula has."""
     for name in known.cyclic:
         if not _COORDINATE.fullmatch(name):
-            raise ValueError(f"`cyclic` must name coordinates by their number, q1, q2, …; got `{name}`.")
+            raise ValueError(
+                "`cyclic` must name coordinates by their number, q1, q2, …, or in a description by their column; got "
+                f"`{name}`."
+            )
         part = next((part for part, used in _used_names(known) if used == name), None)
         if part is not None:
             raise ValueError(

@@ -91,6 +91,21 @@ def test_the_example_of_an_arm_is_read():
     assert len(known.parameters) == 11
 
 
+@pytest.mark.parametrize(
+    ("columns", "told", "cyclic"),
+    [
+        ('["tilt", "yaw"]', '["yaw"]', ("q2",)),
+        ('["tilt", "yaw"]', '["q1", "yaw"]', ("q1", "q2")),
+        ('["q2", "q1"]', '["q1"]', ("q1",)),  # A number, as in formulas, whatever columns are called.
+    ],
+)
+def test_cyclic_coordinates_are_named_by_number_or_column(tmp_path, columns, told, cyclic):
+    text = LEAST.replace('space = "T1"', 'space = "T2"').replace('["q"]', columns)
+    known = read_description(described(tmp_path, f"{text}[known]\ncyclic = {told}\n")).known
+    assert known is not None
+    assert known.cyclic == cyclic
+
+
 LINK = '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="2"/></inertial></link>{}</robot>'
 HINGE = '<joint name="hinge" type="continuous"><parent link="a"/><child link="b"/></joint>'
 
