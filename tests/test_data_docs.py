@@ -60,7 +60,9 @@ def test_the_examples_are_descriptions(tmp_path):
         path.write_text(text)
         read_description(path)
     used = {line.split(" = ")[0] for line in full.splitlines() if " = " in line}
-    assert {*KEYS, *PART_KEYS} - used == {"dt", "momenta"}, "which `time` and `velocities` exclude"
+    assert {*KEYS, *PART_KEYS} - used == {"dt", "momenta", "estimated_velocities"}, (
+        "that `time` and `velocities` exclude, or programs write"
+    )
 
 
 def test_the_smallest_example_reads_files(tmp_path):

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 PROGRAM = """
-import numpy as np
+import numpy as np, polars
 import symoden, symoden.control, symoden.data, symoden.systems
 from symoden import Dataset, Space, Trajectory
 
@@ -34,6 +34,7 @@ REFUSED = {
     "symoden.read_dataset(5)": "DataError | A description must be the path of a TOML file, or a mapping of its",
     "symoden.read_dataset(said, tables=[q])": "DataError | `tables` must be a mapping of names to tables",
     "symoden.read_dataset(said, tables={'a': 'a.csv'})": "DataError | `a`: a table must be a mapping of",
+    "symoden.read_dataset(said, tables={'a': polars.LazyFrame({'q': ts})})": "DataError | `a`: a table must be a mapping",
     "symoden.fit([swing])": "TypeError | Training must be given a `Dataset`; got list.",
     "symoden.fit(data, model='dissipative')": "TypeError | Training must be given a `ModelConfig`; got str.",
     "symoden.fit(data, config={'seed': 1})": "TypeError | Training must be given a `TrainingConfig`; got dict.",

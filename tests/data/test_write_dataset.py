@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from symoden.data import DataError, Dataset, Trajectory, read_dataset, write_dataset
+from symoden.data import DataError, Dataset, Trajectory, check_dataset, read_dataset, write_dataset
 from symoden.known import KnownParts
 
 
@@ -65,12 +65,10 @@ def test_what_the_space_does_not_tell_of_units_is_written(tmp_path):
     units = ("rad", "m", "", "rad")
     data = Dataset(name="d", space="R3 T1", train=(recording("a", n=4),), position_units=units)
     write_dataset(tmp_path / "d.toml", data)
-    assert 'units = { "q[0]" = "rad", "q[1]" = "m" }' in (tmp_path / "d.toml").read_text()
+    assert 'units = { "q[0]" = "rad", "q[1]" = "m", "q[3]" = "rad" }' in (tmp_path / "d.toml").read_text()
     read = read_dataset(tmp_path / "d.toml")
     assert read.position_units == units
     np.testing.assert_array_equal(read.train[0].q, data.train[0].q)
-    write_dataset(tmp_path / "e.toml", DATA)
-    assert "units" not in (tmp_path / "e.toml").read_text()
 
 
 def test_late_velocities_come_back_as_they_were(tmp_path):
@@ -80,6 +78,28 @@ def test_late_velocities_come_back_as_they_were(tmp_path):
     )
     write_dataset(tmp_path / "d.toml", Dataset(name="d", space="T1", train=(late,)))
     np.testing.assert_array_equal(read_dataset(tmp_path / "d.toml").train[0].rates, late.rates)
+
+
+def test_estimated_velocities_are_still_estimates(tmp_path):
+    one = dataclasses.replace(recording("one", 1), noise_gain=np.array([17.5, 3.0]), one_sided=0.25)
+    other = dataclasses.replace(recording("other", 2), noise_gain=np.array([17.5, 3.0]), one_sided=0.25)
+    data = Dataset(name="arm", space="T2", train=(one, other), test=(recording("measured", 3),))
+    write_dataset(tmp_path / "mixed.toml", data)
+    assert read_dataset(tmp_path / "mixed.toml").train[0].noise_gain is None
+    write_dataset(tmp_path / "arm.toml", dataclasses.replace(data, test=()))
+    for read in read_dataset(tmp_path / "arm.toml").train:
+        assert read.noise_gain is not None
+        assert np.array_equal(read.noise_gain, [17.5, 3.0])
+        assert read.one_sided == 0.25
+
+
+def test_angles_of_many_turns_are_no_degrees(tmp_path):
+    ts = 0.01 * np.arange(2000)
+    q, v = 40.0 * np.sin(ts)[:, None], 40.0 * np.cos(ts)[:, None]
+    wound = Trajectory(name="wound", ts=ts, q=q, rates=v, us=np.zeros((2000, 0)))
+    write_dataset(tmp_path / "arm.toml", Dataset(name="arm", space="T1", train=(wound,)))
+    (check,) = check_dataset(tmp_path / "arm.toml").recordings
+    assert [one for one in check.findings if one.kind == "unit"] == []
 
 
 def test_recordings_of_before_are_no_part_of_it_but_not_removed(tmp_path):

@@ -9,7 +9,7 @@ from symoden.wording import first_few
 
 _SHOWN = 20
 _TYPO, _CLOSE = 0.9, 0.6  # Likeness of names.
-_SHOWN_FORMULA = 80  # Characters.
+_SHOWN_TEXT = 80  # Characters.
 COPY: Final = "Perhaps it was cut off: copy it again, or write it again where it was recorded."
 
 
@@ -32,9 +32,9 @@ def listing(names: Iterable[str]) -> str:
     return f"`{first_few(every, _SHOWN)}{more}`" if every else "nothing"
 
 
-def cut(formula: str) -> str:
-    """A formula in a message, without what is too long of it."""
-    return formula if len(formula) <= _SHOWN_FORMULA else f"{formula[: _SHOWN_FORMULA - 1]}…"
+def cut(text: str) -> str:
+    """A formula or value in a message, without what is too long of it."""
+    return text if len(text) <= _SHOWN_TEXT else f"{text[: _SHOWN_TEXT - 1]}…"
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -12,7 +12,6 @@ from symoden.storage import write_atomically
 from ._dataset import Dataset
 from ._errors import DataError
 from ._trajectory import Trajectory
-from .description import angles_of
 
 _FORBIDDEN = set('/\\:*?"<>|[]\0')
 
@@ -25,7 +24,8 @@ def write_dataset(path: Path | str, dataset: Dataset) -> None:
 
     Args:
         path: The description, by custom `<name>.toml`.
-        dataset: The data set. Names of columns are not kept, nor whether velocities were estimated.
+        dataset: The data set. Names of columns are not kept. Where velocities of all recordings were estimated, the
+            median recording says how well.
 
     Raises:
         DataError: If a name is no name of a file or is there twice, the recordings' numbers of initial samples differ,
@@ -53,14 +53,15 @@ def write_dataset(path: Path | str, dataset: Dataset) -> None:
     for part, recordings in parts.items():
         for recording in recordings:
             _write_recording(path.with_suffix("") / part / f"{recording.name}.npz", recording, momenta=dataset.momenta)
-    known = zip(dataset.position_units, angles_of(path, dataset.space), strict=True)
     column = "q" if dataset.size == 1 else "q[{}]"  # As a table names them.
-    units = [f'"{column.format(i)}" = "{unit}"' for i, (unit, angle) in enumerate(known) if unit and not angle]
+    # Of angles too: many turns would look like degrees.
+    units = [f'"{column.format(i)}" = "{unit}"' for i, unit in enumerate(dataset.position_units) if unit]
     lines = [
         f"space = {json.dumps(dataset.space)}",
         'time = "t"',
         'positions = "q"',
         *(['momenta = "p"'] if dataset.momenta else ['velocities = "v"', "trust_velocities = true"]),
+        *_estimates(dataset),
         *(['inputs = "u"', f"hold = {json.dumps(dataset.hold)}"] if dataset.inputs else []),
         *([f"units = {{ {', '.join(units)} }}"] if units else []),
         *([] if dataset.input_matrix is None else [f"input_matrix = {dataset.input_matrix.tolist()}"]),
@@ -89,6 +90,17 @@ def _refuse_unwritable(path: Path, dataset: Dataset, parts: Iterable[tuple[Traje
         raise DataError(
             f"`{path}`: all recordings must have the same `initial_samples`; got several. Write them apart."
         )
+
+
+def _estimates(dataset: Dataset) -> list[str]:
+    """The line on velocities that were estimated, if all were."""
+    gains = [each.noise_gain for each in dataset.recordings]
+    known = [np.ravel(gain) for gain in gains if gain is not None]
+    if dataset.momenta or len(known) < len(gains):
+        return []
+    typical = np.median(known, axis=0).tolist()
+    one_sided = float(np.median([each.one_sided for each in dataset.recordings]))
+    return [f"estimated_velocities = {{ noise_gain = {typical}, one_sided = {one_sided!r} }}"]
 
 
 def _write_recording(path: Path, recording: Trajectory, *, momenta: bool) -> None:

@@ -68,6 +68,20 @@ BAD = [
         r"a description has no key `velocity`\. Did you mean `velocities`\? The keys are `sp",
     ),
     (with_top("Dt = 1"), r"no key `Dt`\. Did you mean `dt`\?"),
+    (
+        with_top("estimated_velocities = {noise_gain = [3], one_sided = 0}"),
+        r"is about `velocities`, which are not given",
+    ),
+    *(
+        (with_top(f'velocities = ["v"]\nestimated_velocities = {{{said}}}'), message)
+        for said, message in (
+            ("noise_gain = [3]", "must be a table of both noise_gain and one_sided"),
+            ("noise_gain = 3, one_sided = 0", "must be a table of both noise_gain and one_sided"),
+            ("noise_gain = [0.0], one_sided = 0", "noise_gain is a list of positive numbers"),
+            ("noise_gain = [3], one_sided = -1", "one_sided is a number of seconds, at least 0"),
+            ("noise_gain = [3, 4], one_sided = 0", "must have a noise_gain per position, 1; got 2"),
+        )
+    ),
     (LEAST.replace("[train]", "[trains]"), r"no key `trains`\. Did you mean `train`\?"),
     (
         f"{LEAST}row = [0, 1]\n",
@@ -110,7 +124,10 @@ BAD = [
     (f"{LEAST}rows = []\n", r"\[train\] `rows` must be \[start, stop\)"),
     (f"{LEAST}split_every = -1\n", r"\[train\] `split_every` must be a positive number"),
     (LEAST.replace('[train]\nfiles = ["a.csv"]', ""), r"\[train\] or \[test\] must name `files`; got neither"),
-    ("train = 1\n" + LEAST.replace('[train]\nfiles = ["a.csv"]', ""), r"\[train\] must be a table; got 1"),
+    (
+        "train = 1\n" + LEAST.replace('[train]\nfiles = ["a.csv"]', ""),
+        r"\[train\] must be a table of keys, such as `files`; got 1",
+    ),
     (
         with_top("position_delay = -0.1"),
         r"`position_delay` must be .*, at least 0.* `input_delay` below zero",

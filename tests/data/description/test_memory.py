@@ -36,12 +36,16 @@ def changed(**columns: object) -> dict[str, dict[str, object]]:
 class Frame:
     """A data frame that is no mapping, as that of pandas."""
 
-    def __init__(self, columns: dict[str, np.ndarray]) -> None:
+    def __init__(self, columns: dict[str, np.ndarray], names: list[str] | None = None) -> None:
         self._held = columns
-        self.columns = np.array(list(columns), dtype=object)
+        self.columns = np.array(list(columns) if names is None else names, dtype=object)
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self._held[name]
+
+    def reset_index(self) -> "Frame":
+        """Its index is no column."""
+        return self
 
 
 KINDS = {
@@ -73,6 +77,7 @@ def test_a_description_in_memory_may_name_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     pl.DataFrame(swing(1)).write_csv("swing1.csv")
     said = SAID | {"train": {"files": [Path("swing1.csv")]}, "input_matrix": np.eye(1), "positions": ("q",)}
+    said["inputs"] = np.array(["u"])
     del said["test"]
     assert read_dataset(said).input_matrix == np.eye(1)
 
@@ -105,8 +110,9 @@ def test_arrays_of_two_axes_are_variables_and_stay_as_they_are():
     ],
     ids=["dates", "durations", "texts"],
 )
-def test_time_may_be_dates_and_durations(stamps):
-    dataset = read_dataset(SAID, tables=changed(t=stamps))
+@pytest.mark.parametrize("axes", [1, 2])
+def test_time_may_be_dates_and_durations(stamps, axes):
+    dataset = read_dataset(SAID, tables=changed(t=stamps, q=swing(3)["q"].reshape((201, 1)[:axes])))
     np.testing.assert_allclose(np.diff(dataset.test[0].ts), 0.01, atol=1e-6)
 
 
@@ -142,6 +148,9 @@ def test_known_parts_may_be_functions():
         ({"swing1.csv": swing(1)}, r"without the ending of a file's; got `swing1.csv`. Name it `swing1`\."),
         ({"": swing(1)}, r"`tables` must have names, .*; got none\."),
         ({"swing1": swing(1)}, r"no table matches `swing3`; got `swing1`\. Did you mean `swing1`\?"),
+        (TABLES | {"swing3": None}, r"`swing3`: a table must be a mapping of names to arrays, .*; got None\."),
+        (TABLES | {"swing3": Frame(swing(3), names=["t", "q", "u", "q"])}, r"`swing3`: column `q` must be there once"),
+        (TABLES | {"swing3": Frame(swing(3), names=["q", "u"])}, r"no column `t`; .* `reset_index\(\)` makes it one\."),
         (TABLES | {"swing3": TS}, r"`swing3`: a table must be a mapping .*; got an array of float64\."),
         (TABLES | {"swing3": {"t": TS, "q": TS}}, r"`swing3`: no column `u`; found `t, q`\."),
         (changed(q=TS[1:]), r"`swing3`: all variables must have the same number of samples"),
@@ -158,7 +167,10 @@ def test_what_is_no_table_is_refused_in_words(tables, message):
     ("said", "message"),
     [
         (SAID | {"position": ["q"]}, r"`description`: a description has no key `position`. Did you mean `positions`\?"),
-        (SAID | {"train": ["swing1"]}, r"`description`: \[train\] must be a table; got \['swing1'\]"),
+        (
+            SAID | {"train": ["swing1"]},
+            r"`description`: \[train\] must be a table of keys, such as `files`; got \['swing1'\]",
+        ),
         (SAID | {"dt": None}, r"`description`: `dt` must be a positive number of seconds; got None"),
     ],
 )

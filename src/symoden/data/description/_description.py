@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
-from symoden.data._errors import DataError, listing, nearest
+from symoden.data._errors import DataError, cut, listing, nearest
 from symoden.data.files import Selector, Table, names_in, variable_of
 from symoden.known import Expression, KnownParts
 
 from ._known import KEYS as KNOWN_KEYS, read_known
 from ._memory import IN_MEMORY, as_toml, named_tables
 from ._units import is_named, si_of, units_of
-from ._values import KEYS, PART_KEYS, PARTS, Check, misplaced
+from ._values import KEYS, PART_KEYS, PARTS, Check, VelocityEstimates, misplaced
 
 _FITTING: Final[Mapping[str, tuple[str, ...]]] = {"time": ("s",), "inputs": ("N", "N m", "A", "V")}
 """What columns may become that are neither of lengths nor of angles."""
@@ -69,6 +69,7 @@ class Description:
         recording: Column that tells which recording a row belongs to, where files hold several.
         velocities: Columns of velocities.
         trust_velocities: Take velocities as they were logged, even where they come late and positions tell them better.
+        estimated_velocities: That velocities are estimates from these positions, and how good they are.
         momenta: Columns of momenta; neither these nor velocities: velocities are estimated from the positions.
         inputs: Columns of inputs; none: free motion.
         formulas: Columns that are made of those of the files, by the name that other keys call them.
@@ -102,6 +103,7 @@ class Description:
     recording: str | None = None
     velocities: Selector | None = None
     trust_velocities: bool = False
+    estimated_velocities: VelocityEstimates | None = None
     momenta: Selector | None = None
     inputs: Selector = ()
     formulas: Mapping[str, Expression] = field(default_factory=dict)
@@ -242,7 +244,7 @@ def _checked(
 ) -> dict[str, Any]:
     """Values of a table whose keys are all known and whose values are all fit."""
     if not isinstance(table, dict):
-        raise DataError(f"`{path}`: {where}must be a table; got {table!r}.")
+        raise DataError(f"`{path}`: {where}must be a table of keys, such as `files`; got {_shown(table)}.")
     for key in table:
         if key not in keys:
             known = (*keys, "known", *PARTS) if not where else tuple(keys)
@@ -263,8 +265,13 @@ def _checked(
             values[key] = keys[key](value)
         except ValueError as error:
             what, got, advice = error.args if len(error.args) > 1 else (error, value, "")
-            raise DataError(f"`{path}`: {where}`{key}` {what}; got {got!r}.{advice}") from error
+            raise DataError(f"`{path}`: {where}`{key}` {what}; got {_shown(got)}.{advice}") from error
     return values
+
+
+def _shown(value: object) -> str:
+    """A value in a message, without what is too long of it, such as a data frame."""
+    return repr(value) if isinstance(value, str) else cut(" ".join(repr(value).split()))
 
 
 def _refuse_contradictions(path: Path, description: Description) -> None:
@@ -275,6 +282,8 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         raise DataError(f"`{path}`: only one of `velocities` and `momenta` may be given; got both.")
     if description.trust_velocities and description.velocities is None:
         raise DataError(f"`{path}`: `trust_velocities` is about `velocities`, which are not given. Leave it out.")
+    if description.estimated_velocities is not None and description.velocities is None:
+        raise DataError(f"`{path}`: `estimated_velocities` is about `velocities`, which are not given. Leave it out.")
     if description.train is None and description.test is None:
         raise DataError(f"`{path}`: [train] or [test] must name `files`; got neither.")
     if isinstance(description.positions, tuple):
@@ -378,6 +387,12 @@ def _unfit(path: Path, column: str, role: str, fitting: tuple[str, ...], unit: s
 def _refuse_other_size(path: Path, description: Description) -> None:
     """Refuse numbers of columns that do not agree with the number of positions."""
     size = len(description.positions)
+    estimates = description.estimated_velocities
+    if estimates is not None and len(estimates.noise_gain) != size:
+        raise DataError(
+            f"`{path}`: `estimated_velocities` must have a noise_gain per position, {size}; got "
+            f"{len(estimates.noise_gain)}."
+        )
     for key in ("velocities", "momenta"):
         columns = getattr(description, key)
         if isinstance(columns, tuple) and len(columns) != size:

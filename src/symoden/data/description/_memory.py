@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path, PurePath
 from typing import Any, Final
 
-import numpy as np
-
 from symoden.data._errors import DataError
 from symoden.data.files import Table, suffix_of
 from symoden.known import KnownParts
@@ -14,7 +12,7 @@ IN_MEMORY: Final = Path("description")
 """What messages call a description in memory. Files that it names are looked for in the working directory."""
 
 
-def as_toml(value: object) -> Any:  # noqa: ANN401 - a TOML value, to be checked
+def as_toml(value: Any) -> Any:  # noqa: ANN401 - a TOML value, to be checked
     """A value as a TOML file would give it: lists for tuples and arrays, texts for paths.
 
     Args:
@@ -34,11 +32,9 @@ def as_toml(value: object) -> Any:  # noqa: ANN401 - a TOML value, to be checked
             return {str(key): as_toml(inner) for key, inner in value.items()}
         case list() | tuple():
             return [as_toml(inner) for inner in value]
-        case np.ndarray() | np.generic():
-            return value.tolist()
         case PurePath():
             return str(value)
-    return value
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def named_tables(tables: Mapping[str, Table]) -> dict[str, Table]:
@@ -58,7 +54,9 @@ def named_tables(tables: Mapping[str, Table]) -> dict[str, Table]:
             f'`tables` must be a mapping of names to tables, such as {{"run1": frame}}; got {type(tables).__name__}.'
         )
     named = {str(PurePath(str(name))): table for name, table in tables.items()}
-    for name in named:
+    for name, table in named.items():
+        if table is None:
+            raise DataError(f"`{name}`: a table must be a mapping of names to arrays, or a data frame; got None.")
         ending = suffix_of(Path(name))
         if ending or name == ".":
             told = f"got `{name}`. Name it `{name.removesuffix(ending)}`." if ending else "got none. Give it a name."

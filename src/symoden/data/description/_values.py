@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Set
-from typing import Final, NoReturn, TypeAlias
+from typing import Final, NamedTuple, NoReturn, TypeAlias
 
 from symoden.data._errors import cut
 from symoden.data.files import Selector, label
@@ -12,6 +12,19 @@ from ._formulas import COLUMNS, crosses_limits
 from ._units import factor_of
 
 Check: TypeAlias = Callable[[object], object]
+
+
+class VelocityEstimates(NamedTuple):
+    """What is known of velocities that were estimated from the positions, as `Trajectory` has it.
+
+    Attributes:
+        noise_gain: Standard deviation of their noise over that of the positions' [1/s], for each coordinate.
+        one_sided: Time at either end of a recording in which they had samples on one side alone [s].
+    """
+
+    noise_gain: tuple[float, ...]
+    one_sided: float
+
 
 PARTS: Final = ("train", "test", "validation")
 """Tables of a description that name files."""
@@ -139,6 +152,19 @@ def _unfit(formula: Expression, made: Set[str]) -> tuple[str, str] | None:
     return None
 
 
+def _estimates(value: object) -> VelocityEstimates:
+    """What is known of velocities that were estimated."""
+    keys = set(VelocityEstimates._fields)
+    gains = value.get("noise_gain") if isinstance(value, dict) and set(value) == keys else None
+    if not isinstance(value, dict) or not isinstance(gains, list) or not gains:
+        _fail("a table of both noise_gain and one_sided, such as {noise_gain = [17.5], one_sided = 0.02}")
+    if not all(_is_number(gain) and gain > 0 for gain in gains):
+        _fail("a table whose noise_gain is a list of positive numbers [1/s], one per position")
+    if not _is_number(value["one_sided"]) or value["one_sided"] < 0:
+        _fail("a table whose one_sided is a number of seconds, at least 0")
+    return VelocityEstimates(tuple(map(float, gains)), float(value["one_sided"]))
+
+
 def _zeros(value: object) -> dict[str, float]:
     """Numbers by column."""
     if not isinstance(value, dict) or not all(map(_is_number, value.values())):
@@ -227,6 +253,7 @@ KEYS: Final[dict[str, Check]] = {
     "positions": _selector,
     "velocities": _selector,
     "trust_velocities": _flag,
+    "estimated_velocities": _estimates,
     "momenta": _selector,
     "inputs": _inputs,
     "formulas": _formulas,

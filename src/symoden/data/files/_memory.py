@@ -10,6 +10,7 @@ import polars as pl
 from symoden.data._errors import DataError
 
 from ._arrays import chosen
+from ._cells import numbers
 
 
 @runtime_checkable
@@ -50,26 +51,41 @@ def in_memory(
     """
     if isinstance(table, pl.DataFrame):
         return table
-    columns = {name: _array(values) for name, values in _columns(path, table).items()}
+    columns = {name: _array(values) for name, values in _columns(path, table, wanted).items()}
     shapes = {array.shape for name, array in columns.items() if name in wanted}
     if len(shapes) == 1 and len(shape := shapes.pop()) == 1:
         return pl.DataFrame([_series(name, array) for name, array in columns.items() if array.shape == shape])
-    return chosen(path, variables, columns)
+    return chosen(path, variables, {name: _numbers(path, name, array) for name, array in columns.items()})
 
 
-def _columns(path: Path, table: Any) -> dict[str, object]:  # noqa: ANN401 - whatever a user gives
+def _numbers(path: Path, name: str, array: np.ndarray) -> np.ndarray:
+    """An array of numbers, where it is a column of dates, durations or texts, as a data frame's would be."""
+    if array.ndim != 1 or array.dtype.kind in "biuf":
+        return array
+    try:
+        return numbers(path, pl.DataFrame([_series(name, array)]), [name], first_row=0)[name]
+    except (DataError, pl.exceptions.PolarsError):
+        return array  # What it holds is named, if it is wanted.
+
+
+def _columns(path: Path, table: Any, wanted: Collection[str]) -> dict[str, object]:  # noqa: ANN401 - whatever a user gives
     """The columns by name, whatever holds them; a frame's names may be numbers."""
     if isinstance(table, np.ndarray):
         names = table.dtype.names
+    elif isinstance(table, pl.LazyFrame):
+        names = None
     else:
         names = table.keys() if isinstance(table, Mapping) else getattr(table, "columns", None)
     if names is None:
         what = f"an array of {table.dtype}" if isinstance(table, np.ndarray) else type(table).__name__
         raise DataError(
             f"`{path}`: a table must be a mapping of names to arrays, or a data frame; got {what}. Give its columns "
-            'names, such as {"t": ts, "q": q}.'
+            'names, such as {"t": ts, "q": q}; collect what is lazy.'
         )
-    return {str(name): table[name] for name in names}
+    every = list(map(str, names))
+    if twice := [name for name in every if name in wanted and every.count(name) > 1]:
+        raise DataError(f"`{path}`: column `{twice[0]}` must be there once; got it twice. Rename one of them.")
+    return dict(zip(every, (table[name] for name in names), strict=True))
 
 
 def _array(values: object) -> np.ndarray:

@@ -126,17 +126,23 @@ def read_rows(
         The numbers that were asked for; NaN where one is missing.
 
     Raises:
-        DataError: If the file cannot be read, lacks something, or has anything but numbers there.
+        AbsentError: If it lacks something.
+        DataError: If the file cannot be read, or has anything but numbers there.
     """
     variables = sorted(_variables(selectors, recording))
     if table is None:
         held = _held(path, variables)
     else:
         held = in_memory(path, table, variables, {*variables, *names_in(selectors)})
-    if isinstance(held, pl.DataFrame):
-        found = _from_table(path, held, selectors, rows, recording)
-    else:
-        found = _from_arrays(path, held, selectors, rows, recording)
+    try:
+        if isinstance(held, pl.DataFrame):
+            found = _from_table(path, held, selectors, rows, recording)
+        else:
+            found = _from_arrays(path, held, selectors, rows, recording)
+    except AbsentError as error:
+        if hasattr(table, "reset_index"):
+            error.hint += " A frame's index is no column: `reset_index()` makes it one."
+        raise
     for signals in found.signals.values():
         signals[~np.isfinite(signals)] = np.nan  # An infinity is no measurement either.
     return found

@@ -100,7 +100,8 @@ def _trajectory(
         rates = estimate_velocities(ts, q, name=log.name, spans=spans)
         gain, one_sided = velocity_noise_gain(ts, spans), int(max(spans)) // 2 * float(np.median(np.diff(ts)))
     else:
-        rates, gain, one_sided = log.rates[rows], None, 0.0
+        rates, estimates = log.rates[rows], description.estimated_velocities
+        gain, one_sided = (None, 0.0) if estimates is None else (np.array(estimates.noise_gain), estimates.one_sided)
     trajectory = Trajectory(
         name=log.name,
         ts=ts,
