@@ -94,7 +94,9 @@ def test_every_everyday_name_is_importable_and_in_the_stub():
     offered = {
         (alias.asname, node.module) for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names
     }
-    assert offered == set(symoden._EXPORTS.items())
+    packages = {(name, "symoden") for name in symoden._PACKAGES}
+    assert offered == set(symoden._EXPORTS.items()) | packages
+    assert [name for name, _ in packages if not hasattr(symoden, name)] == []
     assert [name for name in symoden._EXPORTS if getattr(symoden, name, None) is None] == []
     assert re.match(r"\d+\.\d+\.\d+", symoden.__version__)
 

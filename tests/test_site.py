@@ -108,6 +108,7 @@ def test_the_reference_begins_with_every_everyday_name_and_no_other():
 def test_the_reference_lists_every_package():
     listed = re.findall(r"^\| \[`symoden\.(\w+)`\]\(\1\.md\) \|", PAGES["api/index.md"], re.MULTILINE)
     assert sorted(listed) == PUBLIC
+    assert sorted([*symoden._PACKAGES, "cli"]) == PUBLIC
 
 
 def test_the_start_page_uses_everyday_names():

@@ -84,8 +84,8 @@ def test_foreign_safetensors_are_refused(tmp_path):
 
 
 def test_an_absent_file_and_a_folder_are_refused(tmp_path):
-    for path in (tmp_path / "absent", tmp_path):
-        with pytest.raises(StorageError, match="there is none"):
+    for path, message in ((tmp_path / "absent", "there is none"), (tmp_path, "it is a folder")):
+        with pytest.raises(StorageError, match=message):
             load_arrays(path)
 
 

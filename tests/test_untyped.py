@@ -14,6 +14,7 @@ ts = np.linspace(0.0, 1.0, 20)
 q, none = np.cos(3 * ts)[:, None], np.zeros((20, 0))
 swing = Trajectory(name="swing", ts=ts, q=q, rates=q, us=none)
 data = Dataset(name="arm", space="T1", train=(swing,))
+arm = symoden.Pendulum()
 said = {{"space": "T1", "dt": 0.05, "positions": ["q"], "train": {{"files": ["a"]}}}}
 symoden.data.estimate_velocities(ts.tolist(), q.tolist(), name="lists")
 for text in {calls}:
@@ -34,17 +35,21 @@ REFUSED = {
     "symoden.read_dataset(5)": "DataError | A description must be the path of a TOML file, or a mapping of its",
     "symoden.read_dataset(said, tables=[q])": "DataError | `tables` must be a mapping of names to tables",
     "symoden.read_dataset(said, tables={'a': 'a.csv'})": "DataError | `a`: a table must be a mapping of",
-    "symoden.read_dataset(said, tables={'a': polars.LazyFrame({'q': ts})})": "DataError | `a`: a table must be a mapping",
+    "symoden.read_dataset(said, tables={'a': polars.LazyFrame({'q': ts})})": "DataError | `a`: a table must be a",
     "symoden.fit([swing])": "TypeError | Training must be given a `Dataset`; got list.",
     "symoden.fit(data, model='dissipative')": "TypeError | Training must be given a `ModelConfig`; got str.",
     "symoden.fit(data, config={'seed': 1})": "TypeError | Training must be given a `TrainingConfig`; got dict.",
     "symoden.fit(data, resume=True)": "ValueError | Training can be resumed only in a `folder`; got none.",
     "symoden.control.design(symoden.systems.Pendulum(), [0.0], method='pid')": "ValueError | `method` must be one",
-    "symoden.predict(none, swing)": "TypeError | `trajectories` must be a list of recordings; got Trajectory. Write [",
-    "symoden.predict(none, data)": "TypeError | `trajectories` must be a list of recordings; got Dataset. Write `da",
-    "symoden.predict(none, {'a': swing})": "TypeError | `trajectories` must be a list of recordings; got dict. Write ",
-    "symoden.predict(none, 'arm.csv')": "TypeError | `trajectories` must be a list of recordings; got str. `read_d",
-    "symoden.predict(none, [q])": "TypeError | `trajectories` must be a list of recordings; got list with ndarray in",
+    "symoden.predict(arm, swing)": "TypeError | `trajectories` must be a list of recordings; got Trajectory. Write [",
+    "symoden.predict(arm, data)": "TypeError | `trajectories` must be a list of recordings; got Dataset. Write `da",
+    "symoden.predict(arm, {'a': swing})": "TypeError | `trajectories` must be a list of recordings; got dict. Write ",
+    "symoden.predict(arm, 'arm.csv')": "TypeError | `trajectories` must be a list of recordings; got str. `read_d",
+    "symoden.predict(arm, [q])": "TypeError | `trajectories` must be a list of recordings; got list with ndarray in",
+    "symoden.predict('arm.safetensors', [swing])": "TypeError | `model` must be a system or a learned model; got str.",
+    "symoden.design('arm.safetensors', [0.0])": "TypeError | `model` must be a system or a learned model; got str.",
+    "symoden.design(arm, 3.14)": "ValueError | `target` must be a list of one number for each",
+    "symoden.load('.')": "StorageError | `.` must be a file that symoden wrote; it is a folder. Name the file in it",
     "symoden.KnownParts(potential_energy='q1', cyclic='q2')": "ValueError | `cyclic` must be a list of names; got the",
 }
 

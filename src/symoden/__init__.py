@@ -16,6 +16,10 @@ from ._jaxlib import avoid_faults
 
 avoid_faults()
 
+_PACKAGES: Final = (
+    "blocks", "control", "data", "drawing", "envs", "evaluation", "experiments", "integrate", "known", "mechanics",
+    "models", "report", "shapes", "spaces", "storage", "systems", "testing", "training", "units", "wording",
+)  # fmt: skip
 _EXPORTS: Final[dict[str, str]] = {
     "Acrobot": "symoden.systems",
     "CartPole": "symoden.systems",
@@ -45,7 +49,7 @@ _EXPORTS: Final[dict[str, str]] = {
 
 
 def __getattr__(name: str) -> object:
-    """Import an everyday name, or read the version, at its first use.
+    """Import an everyday name or a package, or read the version, at its first use.
 
     Args:
         name: Attribute that the module does not have yet.
@@ -58,6 +62,8 @@ def __getattr__(name: str) -> object:
     """
     if name == "__version__":
         value: object = importlib.import_module("importlib.metadata").version("symoden")
+    elif name in _PACKAGES:
+        value = importlib.import_module(f"symoden.{name}")
     elif name in _EXPORTS:
         value = getattr(importlib.import_module(_EXPORTS[name]), name)
     else:
@@ -68,4 +74,4 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     """All names, imported already or not."""
-    return sorted({*globals(), *_EXPORTS, "__version__"})
+    return sorted({*globals(), *_EXPORTS, *_PACKAGES, "__version__"})

@@ -1,3 +1,25 @@
+from symoden import (
+    blocks as blocks,
+    control as control,
+    data as data,
+    drawing as drawing,
+    envs as envs,
+    evaluation as evaluation,
+    experiments as experiments,
+    integrate as integrate,
+    known as known,
+    mechanics as mechanics,
+    models as models,
+    report as report,
+    shapes as shapes,
+    spaces as spaces,
+    storage as storage,
+    systems as systems,
+    testing as testing,
+    training as training,
+    units as units,
+    wording as wording,
+)
 from symoden.control import design as design, run_episodes as run_episodes
 from symoden.data import (
     Dataset as Dataset,
@@ -16,3 +38,4 @@ from symoden.training import TrainingConfig as TrainingConfig, fit as fit
 
 __version__: str
 _EXPORTS: dict[str, str]
+_PACKAGES: tuple[str, ...]

@@ -53,6 +53,22 @@ class AbstractDynamics(eqx.Module):
         """Embedded configuration (r, cos φ, sin φ), then the rates: what losses and metrics compare."""
 
 
+def refuse_no_system(model: object) -> None:
+    """Refuse anything but a system or a learned model, such as the name of its file.
+
+    Args:
+        model: What was given.
+
+    Raises:
+        TypeError: If it is none.
+    """
+    if not isinstance(model, AbstractDynamics):
+        raise TypeError(
+            f"`model` must be a system or a learned model; got {type(model).__name__}. `fit` has one as `.model`, "
+            "`load` reads one from a file."
+        )
+
+
 class PowerBalance(NamedTuple):
     """Powers [W] at one state; `stored` = `supplied` − `dissipated` for every port-Hamiltonian system.
 

@@ -133,7 +133,10 @@ def load_arrays(path: Path | str) -> tuple[dict[str, np.ndarray], dict[str, Any]
     """
     path = Path(path)
     if not path.is_file():
-        raise StorageError(f"`{path}` must be a file that symoden wrote; there is none. Check the path.")
+        there = "there is none. Check the path."
+        if path.is_dir():
+            there = "it is a folder. Name the file in it, such as `model.safetensors`."
+        raise StorageError(f"`{path}` must be a file that symoden wrote; {there}")
     if path.stat().st_size > _LARGEST_FILE:
         raise StorageError(f"`{path}` must be smaller than 2 GiB; got {path.stat().st_size} bytes.")
     try:

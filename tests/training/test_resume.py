@@ -147,6 +147,7 @@ def test_a_finished_run_is_not_trained_again(pendulum, small, quick, tmp_path, l
     assert eqx.tree_equal(first.model, again.model)
     assert again.completed
     assert again.outcome == first.outcome == "converged"
+    assert repr(first).startswith("FitResult(converged: loss ")
     assert again.verdicts == first.verdicts
     assert first.verdicts
     assert again.hardly_judged == first.hardly_judged

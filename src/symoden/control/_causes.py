@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates
+from symoden.wording import number
 
 from ._attraction import attraction
 from ._controller import as_array
@@ -59,8 +60,7 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
         if holds(tuple(factor * limit for limit in limits), period):
             return (
                 f"The regulator does not hold the model at the target with inputs up to "
-                f"{regulator.limits.round(3).tolist()}; with {factor} "
-                "times as much it does. Allow more input."
+                f"{', '.join(map(number, limits))}; with {factor} times as much it does. Allow more input."
             )
     return (
         f"The regulator does not hold the model at the target {target}, and would not with {_MORE[-1]} times the "

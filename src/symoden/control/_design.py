@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential, refuse_no_system
 from symoden.shapes import Coordinates, Scalar
 
 from ._attraction import attraction, follower_level
@@ -77,7 +77,9 @@ def design(
         The controller.
 
     Raises:
-        ValueError: If the method does not suit the model, or needs limits that are not given.
+        TypeError: If the model is none.
+        ValueError: If the target is no configuration, the method does not suit the model, or it needs limits that are
+            not given.
 
     Example:
         >>> from symoden.systems import Pendulum
@@ -85,6 +87,11 @@ def design(
         >>> type(controller).__name__
         'EnergyShaping'
     """
+    refuse_no_system(model)
+    if (shape := as_array(target).shape) != (model.space.size,):
+        raise ValueError(
+            f"`target` must be a list of one number for each coordinate, {model.space.size}; got shape {shape}."
+        )
     chosen = choose_method(model, target, limits=limits) if method is None else method
     if chosen == "lqr":
         return Regulator.of(model, target, limits=limits, period=period)

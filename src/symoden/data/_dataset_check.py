@@ -56,6 +56,12 @@ class DatasetCheck:
     findings: tuple[Finding, ...]
     unreadable: tuple[Unreadable, ...] = ()
 
+    def __repr__(self) -> str:
+        """What it is, in a line."""
+        count = len(self.findings) + sum(len(each.findings) for each in self.recordings)
+        unread = f", {len(self.unreadable)} unreadable" if self.unreadable else ""
+        return f"DatasetCheck({len(self.recordings)} recordings{unread}: {count} findings; print it to read them)"
+
     def __str__(self) -> str:
         """What was found, in words, as `symoden data check` prints it."""
         return _told(self)

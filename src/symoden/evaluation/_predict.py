@@ -12,7 +12,7 @@ from jaxtyping import Float
 from symoden.blocks import without_silent
 from symoden.data import Dataset, Trajectory, first_samples
 from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
-from symoden.mechanics import AbstractDynamics
+from symoden.mechanics import AbstractDynamics, refuse_no_system
 from symoden.training import FEWEST_SUBSTEPS, find_first_state
 
 from ._batches import Segment, Stretch, entire, in_batches, roll_out
@@ -31,6 +31,10 @@ class Prediction:
     q: Float[np.ndarray, "T n"]
     rates: Float[np.ndarray, "T n"]
     observations: Float[np.ndarray, "T o"]
+
+    def __repr__(self) -> str:
+        """What it is, in a line."""
+        return f"Prediction({self.q.shape[0]} samples, n = {self.q.shape[1]})"
 
 
 def predict(
@@ -55,7 +59,7 @@ def predict(
         One prediction for each recording.
 
     Raises:
-        TypeError: If something else than recordings is given.
+        TypeError: If something else than a model and recordings is given.
         ValueError: If `hold` is no key of `HOLDS`.
 
     Example:
@@ -68,6 +72,7 @@ def predict(
     """
     if hold not in HOLDS:
         raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
+    refuse_no_system(model)
     recordings = _listed(trajectories)
     chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
     begun = [_begun(model, recording, chosen, solver) for recording in recordings]

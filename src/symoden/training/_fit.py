@@ -21,6 +21,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, StructuredModel, awaken, build, check_savable, save
 from symoden.spaces import Space
 from symoden.storage import StorageError
+from symoden.wording import number
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
@@ -58,7 +59,8 @@ class FitResult:
         model: The best model, by its validation loss and its size.
         outcome: How training ended, in words.
         completed: Whether every stage came to its end.
-        loss: Its loss on the validation data (on the training data without them).
+        loss: Its loss on the validation data (on the training data without them) in the longest windows that were, all
+            errors counting alike; stages of training count them otherwise, in windows of their own.
         seconds: Time spent [s] by this run and, where it goes on from a checkpoint, by those before it; what these
             spent on members is not counted.
         config: Settings of training.
@@ -66,6 +68,7 @@ class FitResult:
         ensemble: Models that were trained like it, if any were asked for.
         verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
         hardly_judged: Those of them that so few windows of validation refused that these hardly tell.
+        solver: Integrates rollouts as finely as they need.
     """
 
     model: AbstractDynamics
@@ -78,6 +81,11 @@ class FitResult:
     ensemble: Ensemble | None = None
     verdicts: dict[str, str] = field(default_factory=dict)
     hardly_judged: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """What came of training, in a line."""
+        members = "" if self.ensemble is None else f", {len(self.ensemble.members)} members"
+        return f"FitResult({self.outcome}: loss {number(self.loss)}, {self.seconds:.0f} s{members})"
 
     @property
     def solver(self) -> RK4:

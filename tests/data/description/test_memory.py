@@ -185,3 +185,8 @@ def test_a_check_in_memory_says_what_was_found():
     check = check_dataset(SAID | {"units": {"q": "deg"}}, tables=changed(q=q))
     assert not check.refused
     assert "- masked in swing3: `q` lacks 1 of 201 numbers, in 1 stretch, first at row 50." in str(check).splitlines()
+
+
+def test_what_was_found_is_a_line_and_printed_it_is_words():
+    check = check_dataset(SAID, tables=TABLES)
+    assert repr(check) == f"DatasetCheck(3 recordings: {len(check.findings)} findings; print it to read them)"
