@@ -63,7 +63,10 @@ def __getattr__(name: str) -> object:
     if name == "__version__":
         value: object = importlib.import_module("importlib.metadata").version("symoden")
     elif name in _PACKAGES:
-        value = importlib.import_module(f"symoden.{name}")
+        try:
+            value = importlib.import_module(f"symoden.{name}")
+        except ImportError as error:  # Of what is optional: `hasattr` and `help` go on.
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}: {error}") from error
     elif name in _EXPORTS:
         value = getattr(importlib.import_module(_EXPORTS[name]), name)
     else:

@@ -51,7 +51,7 @@ class KnownFunction(AbstractBlock):
 
     def __call__(self, q: Coordinates) -> Float[Array, "..."]:
         """Value at the configuration `q`."""
-        return self.function(q)
+        return jnp.asarray(self.function(q)).astype(q.dtype)  # It may be a constant of another precision.
 
 
 @final

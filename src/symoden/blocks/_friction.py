@@ -129,7 +129,7 @@ class KnownFriction(AbstractFriction):
 
     def __call__(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
         """Matrix at the configuration `q` and the velocity `v`."""
-        return self.function(q, v)
+        return jnp.asarray(self.function(q, v)).astype(q.dtype)  # It may be a constant of another precision.
 
 
 @final

@@ -63,7 +63,7 @@ class DatasetCheck:
         return f"DatasetCheck({len(self.recordings)} recordings{unread}: {count} findings; print it to read them)"
 
     def __str__(self) -> str:
-        """What was found, in words, as `symoden data check` prints it."""
+        """The findings in words, as `symoden data check` prints them."""
         return _told(self)
 
     @property

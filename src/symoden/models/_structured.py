@@ -33,12 +33,12 @@ def traced_once(method: _Method) -> _Method:
     """
     # Tracing is half of the time that programs take until they run (`benchmarks/`), and a vector field asks for M⁻¹
     # several times. Outside of programs it is one call instead of hundreds.
-    program, names = eqx.filter_jit(method), list(inspect.signature(method).parameters)[1:]
+    program, signature = eqx.filter_jit(method), inspect.signature(method)
 
     @functools.wraps(method)
     def called(self: eqx.Module, *places: object, **named: object) -> object:
-        given = dict(zip(names, places, strict=False)) | named
-        return program(self, **{name: floats(value, f"`{name}`") for name, value in given.items()})
+        _, *given = signature.bind(self, *places, **named).arguments.items()
+        return program(self, **{name: floats(value, f"`{name}`") for name, value in given})
 
     return cast("_Method", called)
 

@@ -26,7 +26,7 @@ from symoden.wording import number
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._data import hold_out, name_held, regression_data
-from ._ensemble import Ensemble, Pattern, check_members, train_members
+from ._ensemble import FEWEST_MEMBERS, Ensemble, Pattern, check_members, train_members
 from ._first_guess import as_heavy, begin_with, can_be_guessed, guess, silent
 from ._flatten import cast, freed
 from ._gauss_newton import MOST_SOLVED
@@ -93,7 +93,7 @@ class FitResult:
         return RK4(max(FEWEST_SUBSTEPS, self.substeps))
 
     def posterior(self, dataset: Dataset) -> AbstractPosterior:
-        """What the data leave open about its parameters: by the models that were trained like it, if there are any.
+        """What the data leave open about its parameters: by the models that were trained like it, if there are some.
 
         Args:
             dataset: What it was fitted to.
@@ -104,7 +104,7 @@ class FitResult:
         Raises:
             ValueError: As `infer_posterior` does, such as of too few windows.
         """
-        if self.ensemble is not None:
+        if self.ensemble is not None and len(self.ensemble.members) >= FEWEST_MEMBERS:
             return self.ensemble
         return infer_posterior(self.model, dataset, self.config, substeps=self.substeps)
 

@@ -86,7 +86,7 @@ class AbstractPosterior(abc.ABC):
         """
         shape = jax.eval_shape(quantities, self.model).shape
         rows = self.project(lambda model: jnp.ravel(quantities(model)))
-        return self.quantile(level) * np.linalg.norm(rows, axis=1).reshape(shape)
+        return np.asarray(self.quantile(level) * np.linalg.norm(rows, axis=1).reshape(shape))
 
     @abc.abstractmethod
     def scatter(self) -> AbstractScatter:

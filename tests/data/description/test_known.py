@@ -96,7 +96,8 @@ def test_the_example_of_an_arm_is_read():
     [
         ('["tilt", "yaw"]', '["yaw"]', ("q2",)),
         ('["tilt", "yaw"]', '["q1", "yaw"]', ("q1", "q2")),
-        ('["q2", "q1"]', '["q1"]', ("q1",)),  # A number, as in formulas, whatever columns are called.
+        ('["q0", "q1"]', '["q0", "q2"]', ("q1", "q2")),
+        ('["q1", "q2"]', '["q2"]', ("q2",)),
     ],
 )
 def test_cyclic_coordinates_are_named_by_number_or_column(tmp_path, columns, told, cyclic):
@@ -104,6 +105,12 @@ def test_cyclic_coordinates_are_named_by_number_or_column(tmp_path, columns, tol
     known = read_description(described(tmp_path, f"{text}[known]\ncyclic = {told}\n")).known
     assert known is not None
     assert known.cyclic == cyclic
+
+
+def test_a_cyclic_coordinate_that_could_be_two_is_refused(tmp_path):
+    text = LEAST.replace('space = "T1"', 'space = "T2"').replace('["q"]', '["q0", "q1"]')
+    with pytest.raises(DataError, match=r"which coordinate it means; `q1` .* Write `q2` for the column, `q0` for"):
+        read_description(described(tmp_path, f'{text}[known]\ncyclic = ["q1"]\n'))
 
 
 LINK = '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="2"/></inertial></link>{}</robot>'

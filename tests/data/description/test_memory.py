@@ -57,6 +57,7 @@ KINDS = {
     "polars": pl.DataFrame,
     "frame": Frame,
     "objects": lambda columns: {name: column.astype(object) for name, column in columns.items()},
+    "mixed objects": lambda columns: {name: np.array([*column], object) for name, column in columns.items()},
     "texts": lambda columns: {name: [repr(float(x)) for x in column] for name, column in columns.items()},
     "more": lambda columns: columns | {"gain": 3.0, "image": np.zeros((7, 7)), "ragged": [[1], [1, 2]]},
 }
@@ -116,6 +117,44 @@ def test_time_may_be_dates_and_durations(stamps, axes):
     np.testing.assert_allclose(np.diff(dataset.test[0].ts), 0.01, atol=1e-6)
 
 
+def test_objects_are_what_they_are_whatever_comes_first():
+    column = [np.int64(0), None, *swing(3)["u"][2:]]
+    with pytest.warns(DataWarning, match="1 missing number of `u`"):
+        us = read_dataset(SAID, tables=changed(u=column)).test[0].us[:, 0]
+    assert us[-1] == swing(3)["u"][-1]
+
+
+def test_masked_dates_and_words_are_missing():
+    stamps = np.ma.array(np.datetime64("2025-01-01") + (1e6 * TS).astype("timedelta64[us]"), mask=np.arange(201) == 7)
+    notes = np.ma.array(["fine"] * 201, mask=TS < 1)
+    with pytest.warns(DataWarning, match="1 row without all numbers"):
+        (recording,) = read_dataset(SAID, tables=changed(t=stamps, note=notes)).test
+    assert recording.duration == pytest.approx(2.0, abs=1e-6)
+
+
+def test_a_star_stands_for_recordings_in_memory_too():
+    every = {f"{run}/{name}": column for run in ("a", "b") for name, column in swing(1).items()}
+    said = {"space": "T1", "time": "*/t", "positions": ["*/q"], "inputs": ["*/u"], "train": {"files": ["*"]}}
+    for kind in (dict, pl.DataFrame):
+        assert [each.name for each in read_dataset(said, tables={"log": kind(every)}).train] == ["log-a", "log-b"]
+
+
+def test_a_link_beside_it_is_no_table(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("swing2").symlink_to("swing1")
+    assert len(read_dataset(SAID, tables=TABLES).train) == 2
+
+
+def test_columns_that_are_not_wanted_may_be_anything():
+    class Far:
+        def __array__(self, *_, **__):
+            raise RuntimeError("it is elsewhere")
+
+    assert len(read_dataset(SAID, tables=changed(image=Far())).recordings) == 3
+    with pytest.raises(DataError, match=r"`swing3`: column `q` must be an array of numbers: it is elsewhere"):
+        read_dataset(SAID, tables=changed(q=Far()))
+
+
 @pytest.mark.parametrize("hidden", [np.ma.masked_equal(swing(3)["q"], swing(3)["q"][50]), None], ids=["masked", "none"])
 def test_numbers_that_are_hidden_are_missing(hidden):
     column = [*swing(3)["q"][:50], None, *swing(3)["q"][51:]] if hidden is None else hidden
@@ -145,8 +184,8 @@ def test_known_parts_may_be_functions():
 @pytest.mark.parametrize(
     ("tables", "message"),
     [
-        ({"swing1.csv": swing(1)}, r"without the ending of a file's; got `swing1.csv`. Name it `swing1`\."),
-        ({"": swing(1)}, r"`tables` must have names, .*; got none\."),
+        ({"swing1.MAT": swing(1)}, r"without the ending of a file's; got `swing1.MAT`: leave out `.mat`\."),
+        *(({name: swing(1)}, rf"`tables` must have names, .*; got {name!r}\.") for name in ("", "./a", "a/", "a/../b")),
         ({"swing1": swing(1)}, r"no table matches `swing3`; got `swing1`\. Did you mean `swing1`\?"),
         (TABLES | {"swing3": None}, r"`swing3`: a table must be a mapping of names to arrays, .*; got None\."),
         (TABLES | {"swing3": Frame(swing(3), names=["t", "q", "u", "q"])}, r"`swing3`: column `q` must be there once"),
@@ -154,7 +193,7 @@ def test_known_parts_may_be_functions():
         (TABLES | {"swing3": TS}, r"`swing3`: a table must be a mapping .*; got an array of float64\."),
         (TABLES | {"swing3": {"t": TS, "q": TS}}, r"`swing3`: no column `u`; found `t, q`\."),
         (changed(q=TS[1:]), r"`swing3`: all variables must have the same number of samples"),
-        (changed(q=[[1], [1, 2]]), r"`swing3`: variable `q` must hold real numbers; got object\."),
+        (changed(q=[[1], [1, 2]]), r"`swing3`: column `q` must be an array of numbers: .* inhomogeneous"),
         (changed(q=["cut"] * 201), r"`swing3`: column `q`, row 0: must be a number or empty; got 'cut'"),
     ],
 )

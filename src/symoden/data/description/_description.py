@@ -1,8 +1,6 @@
 """The description of a data set: a TOML file that says which numbers of which files mean what."""
 
 import itertools
-import re
-import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +12,7 @@ from symoden.known import Expression, KnownParts
 
 from ._known import KEYS as KNOWN_KEYS, read_known
 from ._memory import IN_MEMORY, as_toml, named_tables
+from ._toml import read_toml
 from ._units import is_named, si_of, units_of
 from ._values import KEYS, PART_KEYS, PARTS, Check, VelocityEstimates, misplaced
 
@@ -22,7 +21,6 @@ _FITTING: Final[Mapping[str, tuple[str, ...]]] = {"time": ("s",), "inputs": ("N"
 
 Interval: TypeAlias = tuple[int, int | None]
 ALL_ROWS: Final = ((0, None),)
-_SHOWN_CHARACTERS: Final = 80  # Of a line that is no TOML.
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +50,7 @@ class Part:
         Returns:
             First row of each, and the row after its last one or nothing.
         """
-        return next((rows for name, rows in self.rows.items() if file.match(name)), ALL_ROWS)
+        return next((rows for name, rows in self.rows.items() if str(file) == name or file.match(name)), ALL_ROWS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,6 +127,17 @@ class Description:
         in_memory = self.tables is not None or self.path == IN_MEMORY
         return "`symoden.check_dataset`" if in_memory else f"`symoden data check {self.path}`"
 
+    def whereabouts(self, file: Path) -> Path:
+        """Tell a file from others, whatever they are called.
+
+        Args:
+            file: The file, or the name of a table in memory.
+
+        Returns:
+            Where it is; of a table its name.
+        """
+        return file.resolve() if self.tables is None else file
+
     @property
     def selectors(self) -> dict[str, Selector]:
         """What is read of every file, by role: "time", "positions", "rates", "inputs"."""
@@ -173,7 +182,7 @@ def read_description(
             "Tables in memory are given beside it, as `tables`."
         )
     path = IN_MEMORY if isinstance(given, Mapping) else Path(given)
-    table = as_toml(given) if isinstance(given, Mapping) else _read_toml(path)
+    table = as_toml(given) if isinstance(given, Mapping) else read_toml(path)
     parts: dict[str, Any] = {
         name: Part(**_checked(path, f"[{name}] ", table.pop(name), PART_KEYS, required=("files",)))
         for name in PARTS
@@ -193,29 +202,6 @@ def read_description(
     _refuse_contradictions(path, description)
     _refuse_unfit_units(path, description)
     return description
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    """What a TOML file says."""
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"`{path}`: cannot be read: {error.strerror or error}. Give a description's path.") from error
-    except UnicodeDecodeError as error:
-        raise DataError(f"`{path}`: must be a TOML file, in UTF-8; reading stopped at: {error}.") from error
-    try:
-        return tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise DataError(
-            f"`{path}`: must be a TOML file; reading stopped at: {error}{_line_of(error, text)}."
-        ) from error
-
-
-def _line_of(error: Exception, text: str) -> str:
-    """The line at which a parser stopped, if it tells which; names without quotation marks are the usual mistake."""
-    told = re.search(r"at line (\d+)", str(error))
-    line = next(itertools.islice(text.split("\n"), int(told[1]) - 1, None), "").strip() if told else ""
-    return f", in `{line[:_SHOWN_CHARACTERS]}`. Names of columns and files stand in quotation marks" if line else ""
 
 
 def angles_of(path: Path, space: str) -> tuple[bool, ...]:

@@ -1,6 +1,5 @@
 """The table [known] of a description: parts of the mechanism that are given."""
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -12,7 +11,6 @@ from ._values import misplaced
 
 KEYS: Final = (*PARTS, "robot", "constants", "parameters", "correct", "cyclic")
 _OF_NAMES: Final = {"correct": "parts", "cyclic": "coordinates"}
-_NUMBERED: Final = re.compile(r"q[0-9]+")  # The number counts, whatever columns are called.
 _ROBOT: Final = ("urdf", "joints", "at", "gravity")
 
 
@@ -44,7 +42,7 @@ def read_known(path: Path, table: object, *, above: Mapping[str, object]) -> Kno
         if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
             raise DataError(f"`{path}`: [known] `{key}` must be a list of names of {_OF_NAMES[key]}; got {names!r}.")
     if "cyclic" in lists:
-        lists["cyclic"] = _by_number(lists["cyclic"], above.get("positions"))
+        lists["cyclic"] = _by_number(path, lists["cyclic"], above.get("positions"))
     try:
         robot = {"robot": _read_robot(path, table["robot"])} if "robot" in table else {}
         return KnownParts(**{**table, **robot, **{key: tuple(names) for key, names in lists.items()}})
@@ -52,12 +50,17 @@ def read_known(path: Path, table: object, *, above: Mapping[str, object]) -> Kno
         raise DataError(f"`{path}`: [known] {_of_shapes(table, above) or error}") from None
 
 
-def _by_number(names: Sequence[str], positions: object) -> list[str]:
+def _by_number(path: Path, names: Sequence[str], positions: object) -> list[str]:
     """Coordinates as formulas call them, q1, q2, …, where their columns are named."""
     columns = positions if isinstance(positions, list) else []
-    return [
-        f"q{columns.index(name) + 1}" if name in columns and not _NUMBERED.fullmatch(name) else name for name in names
-    ]
+    numbered = {name: f"q{i}" for i, name in enumerate(columns, start=1)}
+    for name in names:
+        if name in numbered and name != numbered[name] and name in numbered.values():
+            raise DataError(
+                f"`{path}`: [known] `cyclic` must say which coordinate it means; `{name}` is a column, and what formulas "
+                f"call another one. Write `{numbered[name]}` for the column, `{columns[int(name[1:]) - 1]}` for the other."
+            )
+    return [numbered.get(name, name) for name in names]
 
 
 def _of_shapes(table: Mapping[str, object], above: Mapping[str, object]) -> str:

@@ -1,8 +1,10 @@
 """Descriptions and tables in memory."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePath
 from typing import Any, Final
+
+import numpy as np
 
 from symoden.data._errors import DataError
 from symoden.data.files import Table, suffix_of
@@ -26,15 +28,17 @@ def as_toml(value: Any) -> Any:  # noqa: ANN401 - a TOML value, to be checked
         {'positions': ['q'], 'input_matrix': [[1.0]], 'dt': 0.01}
     """
     match value:
-        case KnownParts():
+        case KnownParts() | str() | bytes():
             return value
         case Mapping():
             return {str(key): as_toml(inner) for key, inner in value.items()}
-        case list() | tuple():
-            return [as_toml(inner) for inner in value]
         case PurePath():
             return str(value)
-    return value.tolist() if hasattr(value, "tolist") else value
+        case np.ndarray() | np.generic():
+            return value.tolist()
+        case Iterable():
+            return [as_toml(inner) for inner in value]
+    return value
 
 
 def named_tables(tables: Mapping[str, Table]) -> dict[str, Table]:
@@ -53,12 +57,14 @@ def named_tables(tables: Mapping[str, Table]) -> dict[str, Table]:
         raise DataError(
             f'`tables` must be a mapping of names to tables, such as {{"run1": frame}}; got {type(tables).__name__}.'
         )
-    named = {str(PurePath(str(name))): table for name, table in tables.items()}
+    named = {str(name): table for name, table in tables.items()}
     for name, table in named.items():
         if table is None:
             raise DataError(f"`{name}`: a table must be a mapping of names to arrays, or a data frame; got None.")
-        ending = suffix_of(Path(name))
-        if ending or name == ".":
-            told = f"got `{name}`. Name it `{name.removesuffix(ending)}`." if ending else "got none. Give it a name."
-            raise DataError(f"`tables` must have names, without the ending of a file's; {told}")
+        if name in {"", "."} or str(PurePath(name)) != name or ".." in PurePath(name).parts or "\0" in name:
+            raise DataError(f"`tables` must have names, such as `run1` or `monday/run1`; got {name!r}. Rename it.")
+        if ending := suffix_of(Path(name)):
+            raise DataError(
+                f"`tables` must have names without the ending of a file's; got `{name}`: leave out `{ending}`."
+            )
     return named

@@ -51,9 +51,10 @@ def read_parts(description: Description) -> Parts:
         for name, part in description.parts.items()
         if part.recordings
     }
-    taken = {(one.path.resolve(), one.label) for part in chosen.values() for one in part if isinstance(one, Rows)}
+    where = description.whereabouts
+    taken = {(where(one.path), one.label) for part in chosen.values() for one in part if isinstance(one, Rows)}
     rest = {
-        name: tuple(one for one in part if isinstance(one, Unreadable) or (one.path.resolve(), one.label) not in taken)
+        name: tuple(one for one in part if isinstance(one, Unreadable) or (where(one.path), one.label) not in taken)
         for name, part in every.items()
     }
     refusals = [
@@ -76,7 +77,7 @@ def _files(description: Description, name: str, part: Part) -> tuple[Path | Unre
     for pattern in part.files:
         try:
             for file in _matches(pattern, description):
-                found.setdefault(file.resolve(), file)
+                found.setdefault(description.whereabouts(file), file)
         except DataError as error:
             named = Path(pattern)
             found[named] = Unreadable(part=name, name=stem_of(named) or pattern, path=named, error=error)
@@ -124,7 +125,7 @@ def _unknown(path: Path, part: Part, name: str, files: Sequence[Path | Unreadabl
     """Rows of files that the part does not have."""
     named = [file.path if isinstance(file, Unreadable) else file for file in files]
     for pattern in part.rows:
-        if not any(file.match(pattern) for file in named):
+        if not any(file.match(pattern) or str(file) == pattern for file in named):
             known = dict.fromkeys(file.name for file in named)
             yield DataError(
                 f"`{path}`: [{name}] `rows` must be of files that the part has; got `{pattern}`."

@@ -9,7 +9,7 @@ import polars as pl
 
 from symoden.data._errors import DataError
 
-from ._arrays import chosen
+from ._arrays import STAR, chosen
 from ._cells import numbers
 
 
@@ -49,13 +49,30 @@ def in_memory(
     Raises:
         DataError: If it is no table, or lacks a variable.
     """
-    if isinstance(table, pl.DataFrame):
+    if isinstance(table, pl.DataFrame) and not _has_stars(wanted, table.columns):
         return table
-    columns = {name: _array(values) for name, values in _columns(path, table, wanted).items()}
+    columns = _arrays(path, _columns(path, table, wanted), wanted)
     shapes = {array.shape for name, array in columns.items() if name in wanted}
-    if len(shapes) == 1 and len(shape := shapes.pop()) == 1:
+    if len(shapes) == 1 and len(shape := shapes.pop()) == 1 and not _has_stars(wanted, columns):
         return pl.DataFrame([_series(name, array) for name, array in columns.items() if array.shape == shape])
     return chosen(path, variables, {name: _numbers(path, name, array) for name, array in columns.items()})
+
+
+def _has_stars(wanted: Collection[str], found: Collection[str]) -> bool:
+    """Whether a name stands for several."""
+    return any(STAR in name and name not in found for name in wanted)
+
+
+def _arrays(path: Path, columns: Mapping[str, object], wanted: Collection[str]) -> dict[str, np.ndarray]:
+    """The columns as arrays; what is not wanted may be none."""
+    arrays: dict[str, np.ndarray] = {}
+    for name, values in columns.items():
+        try:
+            arrays[name] = _array(values)
+        except (ValueError, TypeError, RuntimeError) as error:  # Such as of a tensor that is elsewhere.
+            if name in wanted:
+                raise DataError(f"`{path}`: column `{name}` must be an array of numbers: {error}") from error
+    return arrays
 
 
 def _numbers(path: Path, name: str, array: np.ndarray) -> np.ndarray:
@@ -89,13 +106,15 @@ def _columns(path: Path, table: Any, wanted: Collection[str]) -> dict[str, objec
 
 
 def _array(values: object) -> np.ndarray:
-    """The values of a column; NaN where a masked array hides one."""
+    """The values of a column; nothing where a masked array hides one."""
     if isinstance(values, np.ma.MaskedArray):
-        return np.ma.filled(values.astype(np.float64), np.nan)
-    try:
-        return np.asarray(values)
-    except ValueError:  # Lists of different length: an array of them, which is no column of numbers.
-        return np.array([values], dtype=object)
+        if values.dtype.kind in "mM":
+            stamps = np.array(values.data)
+            stamps[np.ma.getmaskarray(values)] = "NaT"
+            return stamps
+        numeric = values.dtype.kind in "biuf"
+        return np.ma.filled(values.astype(np.float64 if numeric else object), np.nan if numeric else None)
+    return np.asarray(values)
 
 
 def _series(name: str, array: np.ndarray) -> pl.Series:
@@ -106,6 +125,8 @@ def _series(name: str, array: np.ndarray) -> pl.Series:
         array = array.astype("timedelta64[ns]")
     elif array.dtype.kind == "O":
         cells = [None if _is_absent(value) else value for value in array.tolist()]
+        if all(cell is None or isinstance(cell, int | float | np.number | np.bool_) for cell in cells):
+            return pl.Series(name, np.array([np.nan if cell is None else cell for cell in cells], np.float64))
         return pl.Series(name, cells, strict=False)
     return pl.Series(name, array)
 

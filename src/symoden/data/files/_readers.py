@@ -140,9 +140,10 @@ def read_rows(
         else:
             found = _from_arrays(path, held, selectors, rows, recording)
     except AbsentError as error:
-        if hasattr(table, "reset_index"):
-            error.hint += " A frame's index is no column: `reset_index()` makes it one."
-        raise
+        if table is None or isinstance(table, Mapping | np.ndarray | pl.DataFrame):
+            raise
+        hint = " A frame's index is no column: `reset_index()` makes it one."
+        raise AbsentError(path, error.name, error.found, kind=error.kind, hint=error.hint + hint) from None
     for signals in found.signals.values():
         signals[~np.isfinite(signals)] = np.nan  # An infinity is no measurement either.
     return found

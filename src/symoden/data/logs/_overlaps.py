@@ -23,8 +23,8 @@ def find_overlaps(description: Description, logs: Sequence[Log]) -> tuple[DataEr
     Returns:
         Why training refuses them: an error for each file and two parts.
     """
-    parts = {name: _by_file([log for log in logs if log.part == name]) for name in description.parts}
-    names = {log.path.resolve(): log.path for log in reversed(logs)}
+    parts = {name: _by_file(description, [log for log in logs if log.part == name]) for name in description.parts}
+    names = {description.whereabouts(log.path): log.path for log in reversed(logs)}
     return tuple(
         DataError(
             f"`{description.path}`: [{name}] and [{other}] must have no rows in common; both have rows {shared[0]} to "
@@ -56,16 +56,17 @@ def find_ended(description: Description, logs: Sequence[Log]) -> list[Finding]:
             advice="Nothing need be done, unless the file was cut off: copy it again then.",
         )
         for name in description.parts
-        for file, index in _by_file([log for log in logs if log.part == name]).items()
+        for file, index in _by_file(description, [log for log in logs if log.part == name]).items()
         if (last := _last_beyond(description, name, file, index))
     ]
 
 
-def _by_file(part: Sequence[Log]) -> dict[Path, np.ndarray]:
+def _by_file(description: Description, part: Sequence[Log]) -> dict[Path, np.ndarray]:
     """Rows of each file that a part has."""
     found: dict[Path, list[np.ndarray]] = {}
     for log in part:
-        found.setdefault(log.path.resolve(), []).extend([log.rows, np.array(log.repeats, dtype=log.rows.dtype)])
+        where = description.whereabouts(log.path)
+        found.setdefault(where, []).extend([log.rows, np.array(log.repeats, dtype=log.rows.dtype)])
     return {path: np.concatenate(each) for path, each in found.items()}
 
 
