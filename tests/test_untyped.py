@@ -49,6 +49,7 @@ REFUSED = {
     "symoden.predict('arm.safetensors', [swing])": "TypeError | `model` must be a system or a learned model; got str.",
     "symoden.design('arm.safetensors', [0.0])": "TypeError | `model` must be a system or a learned model; got str.",
     "symoden.design(arm, 3.14)": "ValueError | `target` must be a list of one number for each",
+    "symoden.infer_bands(arm, data)": "TypeError | Bands are made of what `fit` found and of its data set; got P",
     "symoden.load('.')": "StorageError | `.` must be a file that symoden wrote; it is a folder. Name the file in it",
     "symoden.KnownParts(potential_energy='q1', cyclic='q2')": "ValueError | `cyclic` must be a list of names; got the",
 }

@@ -17,6 +17,7 @@ from symoden.blocks import (
     Correction,
     JointFriction,
     Known,
+    KnownFriction,
     KnownFunction,
     KnownValue,
     MatrixBlock,
@@ -88,7 +89,8 @@ def test_blocks_scale_what_their_functions_give():
 
 def test_constants_are_as_precise_as_what_depends_on_the_configuration():
     single = constant(1, 2).values.astype(jnp.float32)
-    for block in (Constant(single), KnownValue(Known(single))):
+    given = KnownFunction(lambda q: jnp.ones((1, 2), jnp.float64))
+    for block in (Constant(single), KnownValue(Known(single)), given):
         assert block(Q).dtype == Q.dtype == jnp.float64
         assert block(Q.astype(jnp.float32)).dtype == jnp.float32
 
@@ -240,6 +242,7 @@ def test_friction_without_velocity_and_no_friction():
     assert np.array_equal(ViscousFriction(KnownValue(Known(matrix)))(Q, 5 * Q), matrix)
     nothing = NoFriction()(Q.astype(jnp.float32), Q)
     assert nothing.dtype == jnp.float32
+    assert KnownFriction(lambda q, v: jnp.eye(2, dtype=jnp.float64))(Q.astype(jnp.float32), Q).dtype == jnp.float32
     assert not nothing.any()
 
 

@@ -91,6 +91,10 @@ def test_estimated_velocities_are_still_estimates(tmp_path):
         assert read.noise_gain is not None
         assert np.array_equal(read.noise_gain, [17.5, 3.0])
         assert read.one_sided == 0.25
+    path = tmp_path / "arm.toml"
+    path.write_text(path.read_text().replace("[17.5, 3.0]", "[17.5]"))
+    with pytest.raises(DataError, match="must have a noise_gain per position, 2; got 1"):
+        read_dataset(path)
 
 
 def test_angles_of_many_turns_are_no_degrees(tmp_path):

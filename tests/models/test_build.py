@@ -332,5 +332,7 @@ def test_a_model_takes_lists_of_numbers(small_model):
     assert jnp.array_equal(model.mass_matrix(q), model.mass_matrix(there))
     assert jnp.array_equal(model.potential_energy(tuple(q)), model.potential_energy(q=there))
     assert jnp.array_equal(model.dissipation_matrix(q, v=v), model.dissipation_matrix(there, at))
+    with pytest.raises(TypeError, match="too many positional arguments"):
+        model.dissipation_matrix(q, v, v)
     with pytest.raises(ValueError, match="`q` must be an array of numbers; got 'up'"):
         model.mass_matrix("up")

@@ -85,6 +85,15 @@ def test_half_a_band_has_the_shape_of_what_it_is_of(found, noisy):
         assert band == pytest.approx(np.stack([rows, rows], axis=1))
     same = infer_posterior(result.model, noisy, STEPS, substeps=result.substeps)
     assert laplace.half_width(quantities) == pytest.approx(same.half_width(quantities))
+    energy = laplace.half_width(lambda model: model.potential_energy(jnp.ones(1)))
+    assert (energy.shape, energy > 0) == ((), True)
+
+
+def test_too_few_members_leave_the_bands_to_laplace(found, noisy):
+    result, _ = found
+    for count in (0, 1):
+        few = dataclasses.replace(result.ensemble, members=result.ensemble.members[:count])
+        assert not isinstance(dataclasses.replace(result, ensemble=few).posterior(noisy), Ensemble)
 
 
 def test_where_the_data_say_nothing_they_scatter_as_the_prior_does(noisy):

@@ -15,6 +15,7 @@ from symoden.data import Dataset, Trajectory, spaced_evenly
 from symoden.integrate import HOLDS, AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics
 from symoden.training import AbstractPosterior, AbstractScatter, FitResult, hold_out
+from symoden.wording import number
 
 from ._batches import Segment, Stretch, in_batches, roll_out
 from ._certainty import LEVEL
@@ -104,6 +105,10 @@ class Bands:
     calibrated_on: str
     horizon: float
 
+    def __repr__(self) -> str:
+        """What they are, in a line."""
+        return f"Bands({LEVEL:.0%}, as wide as {self.calibrated_on} recordings ask for, {number(self.horizon)} s ahead)"
+
     def predict(self, recordings: Sequence[Trajectory | Stretch]) -> list[BandedPath]:
         """Roll out recordings or stretches of them, each from its first state.
 
@@ -113,7 +118,15 @@ class Bands:
 
         Returns:
             A path for each.
+
+        Raises:
+            TypeError: If something else is given.
         """
+        if not isinstance(recordings, Sequence) or not all(isinstance(x, Trajectory | Stretch) for x in recordings):
+            raise TypeError(
+                f"`recordings` must be a list of recordings or stretches of them; got {type(recordings).__name__}. "
+                "Write [recording] for one, `dataset.test` for those of a part."
+            )
         stretches = [Stretch.whole(each) if isinstance(each, Trajectory) else each for each in recordings]
         found: dict[int, BandedPath] = {}
         quantile = self.posterior.quantile(LEVEL)
@@ -161,6 +174,7 @@ def infer_bands(result: FitResult, dataset: Dataset) -> Bands:
         Bands of predictions; its `posterior.half_width` makes those of anything computed from the model.
 
     Raises:
+        TypeError: If something else is given.
         ValueError: If there are too few windows of training data, or too many parameters, or no rollout stays finite.
 
     Example:
@@ -176,6 +190,12 @@ def infer_bands(result: FitResult, dataset: Dataset) -> Bands:
         >>> path.q.shape, path.half_width.shape
         ((161, 1), (161, 1))
     """
+    for given, kind in ((result, FitResult), (dataset, Dataset)):
+        if not isinstance(given, kind):
+            raise TypeError(
+                "Bands are made of what `fit` found and of its data set; got "
+                f"{type(given).__name__} for a {kind.__name__}."
+            )
     return calibrate_bands(result.posterior(dataset), hold_out(dataset, result.config), solver=result.solver)
 
 

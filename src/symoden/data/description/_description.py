@@ -373,12 +373,6 @@ def _unfit(path: Path, column: str, role: str, fitting: tuple[str, ...], unit: s
 def _refuse_other_size(path: Path, description: Description) -> None:
     """Refuse numbers of columns that do not agree with the number of positions."""
     size = len(description.positions)
-    estimates = description.estimated_velocities
-    if estimates is not None and len(estimates.noise_gain) != size:
-        raise DataError(
-            f"`{path}`: `estimated_velocities` must have a noise_gain per position, {size}; got "
-            f"{len(estimates.noise_gain)}."
-        )
     for key in ("velocities", "momenta"):
         columns = getattr(description, key)
         if isinstance(columns, tuple) and len(columns) != size:

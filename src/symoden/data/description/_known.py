@@ -57,8 +57,9 @@ def _by_number(path: Path, names: Sequence[str], positions: object) -> list[str]
     for name in names:
         if name in numbered and name != numbered[name] and name in numbered.values():
             raise DataError(
-                f"`{path}`: [known] `cyclic` must say which coordinate it means; `{name}` is a column, and what formulas "
-                f"call another one. Write `{numbered[name]}` for the column, `{columns[int(name[1:]) - 1]}` for the other."
+                f"`{path}`: [known] `cyclic` must say which coordinate it means; `{name}` is a column, and what "
+                f"formulas call another one. Write `{numbered[name]}` for the column, "
+                f"`{columns[int(name[1:]) - 1]}` for the other."
             )
     return [numbered.get(name, name) for name in names]
 

@@ -290,6 +290,12 @@ def _log(part: str, name: str, rows: Rows, description: Description, is_angle: n
             f"`{rows.path}`: velocities or momenta must have one column per position, {q.shape[1]}; "
             f"got {rates.shape[1]}."
         )
+    estimates = description.estimated_velocities
+    if estimates is not None and len(estimates.noise_gain) != q.shape[1]:
+        raise DataError(
+            f"`{rows.path}`: `estimated_velocities` must have a noise_gain per position, {q.shape[1]}; got "
+            f"{len(estimates.noise_gain)}."
+        )
     return Log(
         part=part,
         name=name,
