@@ -50,6 +50,15 @@ def test_wrong_samples_are_found_and_no_others(seed, rows, size, uneven):
     assert all(each.largest == pytest.approx(size, abs=0.05) for each in found)
 
 
+@pytest.mark.parametrize("turns", [0, 3, 30])
+def test_a_wrong_angle_is_one_however_often_it_has_gone_round(turns):
+    ts, q, v = swing(3, noise=2e-4)
+    pace = 2 * np.pi * turns / ts[-1]
+    q, v = q + pace * ts, v + pace
+    q[200] += 0.09
+    assert rows_of(find_spikes(log(q, v, ts), np.array([True])), "q") == [200]
+
+
 @given(seed=st.integers(0, 2000), noise=st.sampled_from([0.0, 1e-4, 0.01, 0.1]), uneven=st.floats(0.0, 0.8))
 def test_motion_and_noise_have_none(seed, noise, uneven):
     ts, q, v = swing(seed, noise=noise, uneven=uneven)

@@ -15,7 +15,7 @@ from ._logs import Log
 _OFFSETS: Final = (-2, -1, 1, 2)  # Neighbours of which a cubic predicts a sample.
 _LOUD: Final = 8.0  # Standard deviations of what cubics leave, beyond which a sample stands out.
 _ROUNDED: Final = 3.0  # Times the most that rounding makes of it, likewise.
-_SEEN: Final = 0.01  # Share of the signal's range: what is smaller does no harm.
+_SEEN: Final = 0.01  # Share of the signal's range, of an angle of a turn at most: what is smaller does no harm.
 COARSEST: Final = {"positions": 0.02, "rates": 0.2}
 """Largest step of rounding that a sensor may have, in SI or rad, by role."""
 _LIKE, _NOISE = 0.12, 2.0  # Of the deviation, and standard deviations, by which neighbours may differ from a spike's.
@@ -87,8 +87,10 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
     found = []
     for role, signal in signals.items():
-        for name, column, slope in zip(log.names[role], signal.T, slopes.T, strict=True):
-            alone, off = lone_samples(ts, column, role)
+        for name, column, slope, angle in zip(log.names[role], signal.T, slopes.T, is_angle, strict=True):
+            # However often an angle has gone round, a wrong one is as wrong.
+            reach = TURN if angle and role == "positions" else np.inf
+            alone, off = lone_samples(ts, column, role, reach=reach)
             if role == "rates":
                 alone = alone[~_confirmed(column, off, slope, alone)]
             if len(alone):
@@ -96,13 +98,16 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     return tuple(found)
 
 
-def lone_samples(ts: Times, signal: Float[np.ndarray, " T"], role: str) -> tuple[Int[np.ndarray, " k"], np.ndarray]:
+def lone_samples(
+    ts: Times, signal: Float[np.ndarray, " T"], role: str, *, reach: float = np.inf
+) -> tuple[Int[np.ndarray, " k"], np.ndarray]:
     """Find single samples of one column that their neighbours on both sides contradict, none of them beside a gap.
 
     Args:
         ts: Increasing time stamps [s], at least five.
         signal: The column, an angle without jumps.
         role: "positions" or "rates".
+        reach: The most that its range counts for.
 
     Returns:
         Their indices, and how far each sample is from what its neighbours say.
@@ -111,7 +116,7 @@ def lone_samples(ts: Times, signal: Float[np.ndarray, " T"], role: str) -> tuple
     gaps = np.flatnonzero(steps > longest_step(steps))
     near_gap = np.isin(np.arange(len(ts)), np.concatenate([gaps + k for k in range(-3, 5)]))
     off, weights = deviations(ts, signal)
-    alone = _spikes(signal, off, weights, coarsest=COARSEST[role])
+    alone = _spikes(signal, off, weights, coarsest=COARSEST[role], reach=reach)
     alone = alone[~near_gap[alone] & ~_goes_on(ts, signal, off, alone)]
     return alone, off
 
@@ -194,7 +199,9 @@ def deviations(ts: Times, signal: Float[np.ndarray, " T"]) -> tuple[np.ndarray, 
     return off, weights
 
 
-def _spikes(signal: np.ndarray, off: np.ndarray, weights: np.ndarray, *, coarsest: float) -> Int[np.ndarray, " k"]:
+def _spikes(
+    signal: np.ndarray, off: np.ndarray, weights: np.ndarray, *, coarsest: float, reach: float
+) -> Int[np.ndarray, " k"]:
     """Samples that deviate as nothing else does, and whose neighbours deviate as one wrong sample makes them.
 
     A wrong sample enters the cubics of its neighbours by their weights; a kink at an impact does so otherwise.
@@ -213,7 +220,7 @@ def _spikes(signal: np.ndarray, off: np.ndarray, weights: np.ndarray, *, coarses
     low, high = np.quantile(signal, (0.01, 0.99))
     rounding = counts(signal, coarsest) / 2 * (1 + np.sum(np.abs(weights), axis=1))
     usual = np.maximum(_LOUD * level, _ROUNDED * rounding)
-    loud = np.flatnonzero(np.abs(off) > np.maximum(usual, _SEEN * (high - low)))
+    loud = np.flatnonzero(np.abs(off) > np.maximum(usual, _SEEN * min(high - low, reach)))
     loud = loud[(loud >= 4) & (loud < len(signal) - 4)]
     alone = np.ones(len(loud), bool)
     for j, k in enumerate(_OFFSETS):
