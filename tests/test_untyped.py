@@ -15,6 +15,8 @@ q, none = np.cos(3 * ts)[:, None], np.zeros((20, 0))
 swing = Trajectory(name="swing", ts=ts, q=q, rates=q, us=none)
 data = Dataset(name="arm", space="T1", train=(swing,))
 arm = symoden.Pendulum()
+nothing = dict.fromkeys(("posterior", "hold", "solver", "noise", "tail", "factor", "calibrated_on", "horizon"))
+bands = symoden.evaluation.Bands(**nothing)
 said = {{"space": "T1", "dt": 0.05, "positions": ["q"], "train": {{"files": ["a"]}}}}
 symoden.data.estimate_velocities(ts.tolist(), q.tolist(), name="lists")
 for text in {calls}:
@@ -50,6 +52,7 @@ REFUSED = {
     "symoden.design('arm.safetensors', [0.0])": "TypeError | `model` must be a system or a learned model; got str.",
     "symoden.design(arm, 3.14)": "ValueError | `target` must be a list of one number for each",
     "symoden.infer_bands(arm, data)": "TypeError | Bands are made of what `fit` found and of its data set; got P",
+    "bands.predict(swing)": "TypeError | `trajectories` must be a list of recordings; got Trajectory. Write [",
     "symoden.load('.')": "StorageError | `.` must be a file that symoden wrote; it is a folder. Name the file in it",
     "symoden.KnownParts(potential_energy='q1', cyclic='q2')": "ValueError | `cyclic` must be a list of names; got the",
 }

@@ -58,9 +58,9 @@ class DatasetCheck:
 
     def __repr__(self) -> str:
         """What it is, in a line."""
-        count = len(self.findings) + sum(len(each.findings) for each in self.recordings)
         unread = f", {len(self.unreadable)} unreadable" if self.unreadable else ""
-        return f"DatasetCheck({len(self.recordings)} recordings{unread}: {count} findings; print it to read them)"
+        files = f"{len(self.recordings)} recordings{unread}"
+        return f"DatasetCheck({files}: {len(self._every)} findings; print it to read them)"
 
     def __str__(self) -> str:
         """The findings in words, as `symoden data check` prints them."""
@@ -69,8 +69,12 @@ class DatasetCheck:
     @property
     def refused(self) -> bool:
         """Whether training refuses the data."""
-        every = [*self.findings, *(finding for each in self.recordings for finding in each.findings)]
-        return bool(self.unreadable) or any(finding.level == "refused" for finding in every)
+        return bool(self.unreadable) or any(finding.level == "refused" for finding in self._every)
+
+    @property
+    def _every(self) -> list[Finding]:
+        """All findings, of the data set and of single files."""
+        return [*self.findings, *(finding for each in self.recordings for finding in each.findings)]
 
 
 def _told(check: DatasetCheck) -> str:

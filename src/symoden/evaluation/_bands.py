@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeAlias
 
@@ -19,7 +19,7 @@ from symoden.wording import number
 
 from ._batches import Segment, Stretch, in_batches, roll_out
 from ._certainty import LEVEL
-from ._predict import paths
+from ._predict import listed, paths
 from ._windows import HORIZON, OVERLAP, horizon_of, short_windows
 
 _BINS = 20
@@ -109,12 +109,12 @@ class Bands:
         """What they are, in a line."""
         return f"Bands({LEVEL:.0%}, as wide as {self.calibrated_on} recordings ask for, {number(self.horizon)} s ahead)"
 
-    def predict(self, recordings: Sequence[Trajectory | Stretch]) -> list[BandedPath]:
+    def predict(self, trajectories: Iterable[Trajectory | Stretch]) -> list[BandedPath]:
         """Roll out recordings or stretches of them, each from its first state.
 
         Args:
-            recordings: Recordings, or stretches, of about a second: longer after the start than training tells the band
-                stays as wide.
+            trajectories: Recordings, or stretches, of about a second: longer after the start than training tells the
+                band stays as wide.
 
         Returns:
             A path for each.
@@ -122,12 +122,8 @@ class Bands:
         Raises:
             TypeError: If something else is given.
         """
-        if not isinstance(recordings, Sequence) or not all(isinstance(x, Trajectory | Stretch) for x in recordings):
-            raise TypeError(
-                f"`recordings` must be a list of recordings or stretches of them; got {type(recordings).__name__}. "
-                "Write [recording] for one, `dataset.test` for those of a part."
-            )
-        stretches = [Stretch.whole(each) if isinstance(each, Trajectory) else each for each in recordings]
+        every = listed(trajectories, kinds=Trajectory | Stretch)
+        stretches = [Stretch.whole(each) if isinstance(each, Trajectory) else each for each in every]
         found: dict[int, BandedPath] = {}
         quantile = self.posterior.quantile(LEVEL)
         for i, path in _paths(self.posterior, stretches, self.hold, self.solver):

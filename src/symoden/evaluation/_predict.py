@@ -3,6 +3,8 @@
 import dataclasses
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from types import UnionType
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -73,7 +75,7 @@ def predict(
     if hold not in HOLDS:
         raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
     refuse_no_system(model)
-    recordings = _listed(trajectories)
+    recordings = listed(trajectories)
     chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
     begun = [_begun(model, recording, chosen, solver) for recording in recordings]
     found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
@@ -87,10 +89,21 @@ def predict(
     return [found[i] for i in range(len(recordings))]
 
 
-def _listed(trajectories: object) -> list[Trajectory]:
-    """The recordings, however many are given."""
+def listed(trajectories: object, *, kinds: type | UnionType = Trajectory) -> list[Any]:
+    """The recordings, however many are given.
+
+    Args:
+        trajectories: What was given.
+        kinds: What each may be.
+
+    Returns:
+        A list of them.
+
+    Raises:
+        TypeError: If something else is given.
+    """
     each = list(trajectories) if isinstance(trajectories, Iterable) else []
-    odd = [one for one in each if not isinstance(one, Trajectory)]
+    odd = [one for one in each if not isinstance(one, kinds)]
     if isinstance(trajectories, Iterable) and not odd:
         return each
     hints = {Trajectory: "Write [recording] for one.", Dataset: "Write `dataset.test` for those of a part."}

@@ -50,7 +50,20 @@ class Part:
         Returns:
             First row of each, and the row after its last one or nothing.
         """
-        return next((rows for name, rows in self.rows.items() if str(file) == name or file.match(name)), ALL_ROWS)
+        return next((rows for name, rows in self.rows.items() if stands_for(name, file)), ALL_ROWS)
+
+
+def stands_for(pattern: str, file: Path) -> bool:
+    """Tell whether a name or pattern means a file.
+
+    Args:
+        pattern: The name, which may have brackets of its own, or the pattern.
+        file: The file, or the name of a table in memory.
+
+    Returns:
+        Whether it does.
+    """
+    return str(file) == pattern or file.match(pattern)
 
 
 @dataclass(frozen=True, kw_only=True)

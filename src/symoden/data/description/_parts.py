@@ -11,7 +11,7 @@ import numpy as np
 from symoden.data._errors import DataError, listing, nearest
 from symoden.data.files import Rows, place, stem_of
 
-from ._description import Description, Part
+from ._description import Description, Part, stands_for
 from ._files import find_files, find_tables
 from ._formulas import read_columns
 from ._units import in_si
@@ -125,7 +125,7 @@ def _unknown(path: Path, part: Part, name: str, files: Sequence[Path | Unreadabl
     """Rows of files that the part does not have."""
     named = [file.path if isinstance(file, Unreadable) else file for file in files]
     for pattern in part.rows:
-        if not any(file.match(pattern) or str(file) == pattern for file in named):
+        if not any(stands_for(pattern, file) for file in named):
             known = dict.fromkeys(file.name for file in named)
             yield DataError(
                 f"`{path}`: [{name}] `rows` must be of files that the part has; got `{pattern}`."

@@ -9,7 +9,7 @@ import polars as pl
 
 from symoden.data._errors import DataError
 
-from ._arrays import STAR, chosen
+from ._arrays import STAR, chosen, spelt_out
 from ._cells import numbers
 
 
@@ -55,7 +55,10 @@ def in_memory(
     shapes = {array.shape for name, array in columns.items() if name in wanted}
     if len(shapes) == 1 and len(shape := shapes.pop()) == 1 and not _has_stars(wanted, columns):
         return pl.DataFrame([_series(name, array) for name, array in columns.items() if array.shape == shape])
-    return chosen(path, variables, {name: _numbers(path, name, array) for name, array in columns.items()})
+    for name in spelt_out(variables, columns):
+        if name in columns:
+            columns[name] = _numbers(path, name, columns[name])
+    return chosen(path, variables, columns)
 
 
 def _has_stars(wanted: Collection[str], found: Collection[str]) -> bool:
@@ -82,7 +85,7 @@ def _numbers(path: Path, name: str, array: np.ndarray) -> np.ndarray:
     try:
         return numbers(path, pl.DataFrame([_series(name, array)]), [name], first_row=0)[name]
     except (DataError, pl.exceptions.PolarsError):
-        return array  # What it holds is named, if it is wanted.
+        return array  # What it holds will be named.
 
 
 def _columns(path: Path, table: Any, wanted: Collection[str]) -> dict[str, object]:  # noqa: ANN401 - whatever a user gives
