@@ -142,11 +142,20 @@ def test_one_that_flickers_by_one_count_at_rest_has_none_but_a_wrong_sample_is_f
 
 def test_a_rate_that_the_positions_confirm_is_none():
     ts, q, _ = swing(2, noise=0.0)
-    ts[150] += 0.8 * STEP  # A late time stamp.
+    ts[150] += 0.3 * STEP  # A late time stamp: what is off by that is too little to be a wrong position.
     v = np.concatenate([[0.0], np.diff(q) / np.diff(ts)])
-    assert "v" not in {each.channel for each in find_spikes(log(q, v, ts), np.array([True]))}
+    assert find_spikes(log(q, v, ts), np.array([True])) == ()
     v[80] += 5.0
     assert rows_of(find_spikes(log(q, v, ts), np.array([True])), "v") == [80]
+
+
+def test_a_wrong_position_makes_wrong_rates_that_are_its_differences():
+    ts, q, _ = swing(2, noise=0.0)
+    q[150] += 0.3
+    v = np.concatenate([[0.0], np.diff(q) / np.diff(ts)])
+    found = find_spikes(log(q, v, ts), np.array([True]))
+    assert rows_of(found, "q") == [150]  # Whose row, and with it the rate up to it, is left out.
+    assert rows_of(found, "v") == [151]
 
 
 @given(seed=st.integers(0, 500), wrapped=st.booleans(), glitch=st.integers(10, SIZE - 10))

@@ -15,6 +15,7 @@ from ._logs import Log
 _OFFSETS: Final = (-2, -1, 1, 2)  # Neighbours of which a cubic predicts a sample.
 _LOUD: Final = 8.0  # Standard deviations of what cubics leave, beyond which a sample stands out.
 _ROUNDED: Final = 3.0  # Times the most that rounding makes of it, likewise.
+_FEWEST: Final = 3 * len(_OFFSETS)  # Samples.
 _SEEN: Final = 0.01  # Share of the signal's range, of an angle of a turn at most: what is smaller does no harm.
 COARSEST: Final = {"positions": 0.02, "rates": 0.2}
 """Largest step of rounding that a sensor may have, in SI or rad, by role."""
@@ -42,6 +43,23 @@ class Spikes:
     channel: str
     rows: Int[np.ndarray, " k"]
     largest: float
+
+    @classmethod
+    def of(
+        cls, channel: str, rows: Int[np.ndarray, " r"], alone: Int[np.ndarray, " k"], off: Float[np.ndarray, " r"]
+    ) -> "Spikes":
+        """Those of a column.
+
+        Args:
+            channel: Name of the column.
+            rows: Rows of the log that were looked at.
+            alone: Which of these stand out.
+            off: How far each is from what its neighbours say.
+
+        Returns:
+            What stands out, which may be nothing.
+        """
+        return cls(channel=channel, rows=rows[alone], largest=float(np.abs(off[alone]).max(initial=0.0)))
 
 
 @runtime_checkable
@@ -79,23 +97,37 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
         Those of each column that has any.
     """
     rows = np.flatnonzero(log.complete)
-    if len(rows) < 3 * len(_OFFSETS):
+    found = _of_positions(log, rows, is_angle)
+    if log.rates is None:
+        return found
+    # Rates are often differences of positions: a wrong one makes two of them wrong, that beside it seemingly right.
+    return (*found, *_of_rates(log, np.setdiff1d(rows, rows_of(found)), is_angle))
+
+
+def _of_positions(log: Log, rows: Int[np.ndarray, " k"], is_angle: np.ndarray) -> tuple[Spikes, ...]:
+    """Wrong positions among some rows of a log."""
+    if len(rows) < _FEWEST:
         return ()
-    ts, q = log.ts[rows], log.q[rows]
-    q = unwrapped(q, is_angle)
-    slopes = np.diff(q, axis=0) / np.diff(ts)[:, None]
-    signals = {"positions": q} if log.rates is None else {"positions": q, "rates": log.rates[rows]}
+    ts, q = log.ts[rows], unwrapped(log.q[rows], is_angle)
     found = []
-    for role, signal in signals.items():
-        for name, column, slope, angle in zip(log.names[role], signal.T, slopes.T, is_angle, strict=True):
-            # However often an angle has gone round, a wrong one is as wrong.
-            reach = TURN if angle and role == "positions" else np.inf
-            alone, off = lone_samples(ts, column, role, reach=reach)
-            if role == "rates":
-                alone = alone[~_confirmed(column, off, slope, alone)]
-            if len(alone):
-                found.append(Spikes(channel=name, rows=rows[alone], largest=float(np.abs(off[alone]).max())))
-    return tuple(found)
+    for name, column, angle in zip(log.names["positions"], q.T, is_angle, strict=True):
+        # However often an angle has gone round, a wrong one is as wrong.
+        alone, off = lone_samples(ts, column, "positions", reach=TURN if angle else np.inf)
+        found.append(Spikes.of(name, rows, alone, off))
+    return tuple(each for each in found if len(each.rows))
+
+
+def _of_rates(log: Log, rows: Int[np.ndarray, " k"], is_angle: np.ndarray) -> tuple[Spikes, ...]:
+    """Wrong rates among some rows of a log, apart from those that positions agree with."""
+    if log.rates is None or len(rows) < _FEWEST:
+        return ()
+    ts = log.ts[rows]
+    slopes = np.diff(unwrapped(log.q[rows], is_angle), axis=0) / np.diff(ts)[:, None]
+    found = []
+    for name, column, slope in zip(log.names["rates"], log.rates[rows].T, slopes.T, strict=True):
+        alone, off = lone_samples(ts, column, "rates")
+        found.append(Spikes.of(name, rows, alone[~_confirmed(column, off, slope, alone)], off))
+    return tuple(each for each in found if len(each.rows))
 
 
 def lone_samples(
