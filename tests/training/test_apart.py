@@ -16,12 +16,12 @@ from symoden.training import _levenberg_stage, fit
 from symoden.training._beginnings import Best, Joined, Refitted
 from symoden.training._config import TrainingConfig
 from symoden.training._data import across_recordings, hold_out, levenberg_data
-from symoden.training._fit import _prepare
 from symoden.training._flatten import cast
 from symoden.training._gauss_newton import NormalEquations
 from symoden.training._levenberg_marquardt import LevenbergStep
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
+from symoden.training._prepare import prepare
 from symoden.training._residuals import evaluate_loss
 from symoden.training._verdicts import Judge, Verdict
 
@@ -93,7 +93,7 @@ def test_what_networks_learned_is_fitted_to_all_recordings_then(count):
 def rivalry(pendulum, small, quick, monkeypatch):
     """What networks must improve on, fitted; the stage of that and of networks, and the state before and after it."""
     monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 0.0)
-    stages, before = _prepare(pendulum(count=6), small, dataclasses.replace(quick, growth_steps=3))[:2]
+    stages, before = prepare(pendulum(count=6), small, dataclasses.replace(quick, growth_steps=3))[:2]
     rival: Any = stages[-3]
     before = before._replace(best_loss=1.0)
     state, report = rival.start(before), None
@@ -148,8 +148,8 @@ def test_the_loss_is_that_of_validation_whoever_judged_networks(pendulum, small,
     dataset = pendulum(count=6)
     result = fit(dataset, model=small, config=config)
     assert "not kept" in result.verdicts["growth"]
-    last: Any = _prepare(dataset, small, config)[0][-1]
-    parted: Any = _prepare(dataset, small, config)[0][-2]
+    last: Any = prepare(dataset, small, config)[0][-1]
+    parted: Any = prepare(dataset, small, config)[0][-2]
     losses = [each._loss(result.model, result.substeps, each.data.choosing) for each in (last, parted)]
     assert result.loss == pytest.approx(losses[0], rel=1e-3)
     assert result.loss != pytest.approx(losses[1], rel=1e-3)

@@ -15,9 +15,9 @@ from symoden.spaces import Space
 from symoden.systems import LinkChain, Pendulum
 from symoden.training._data import hold_out, regression_data
 from symoden.training._first_guess import FirstGuess, as_heavy, begin_with, can_be_guessed, guess
-from symoden.training._fit import _prepare
 from symoden.training._flatten import Flattening, cast, freed
 from symoden.training._line_up import line_up
+from symoden.training._prepare import prepare
 from symoden.training._relevance import Relevance
 
 CHAIN = LinkChain.of_rods(3, mass=0.5, length=0.4, damping=0.1)  # Of the recordings.
@@ -71,7 +71,7 @@ def test_training_begins_with_it_and_says_how_far_it_is(mixed, plain, quick):
     steps: Any = []
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):
         described = dataclasses.replace(mixed, known=known(1.0))
-        begun: Any = _prepare(described, asks, quick, lambda *step: steps.append(step))[1].model
+        begun: Any = prepare(described, asks, quick, lambda *step: steps.append(step))[1].model
     taken, most, losses = zip(*steps, strict=True)
     assert taken == tuple(range(1, len(steps) + 1))
     assert set(most) == {most[0]}
@@ -164,7 +164,7 @@ def test_drives_are_what_bodies_leave_of_the_inertia(pendulum, plain, quick, gai
             assert found.inputs == pytest.approx(np.array([[gain]]), rel=0.02)
         with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):
             described = dataclasses.replace(dataset, known=known, input_matrix=g)
-            begun: Any = _prepare(described, plain, quick)[1].model
+            begun: Any = prepare(described, plain, quick)[1].model
         assert np.asarray(begun.mass_matrix(np.zeros(1))) == pytest.approx(inertia, rel=0.02)
 
 

@@ -15,7 +15,7 @@ from symoden.data import DataError, Dataset, DataWarning, Trajectory
 from symoden.models import KINDS, BlockConfig, ModelConfig, StructuredModel
 from symoden.systems import Pendulum
 from symoden.training import TrainingConfig, TrainingError, _fit, _line_up, fit
-from symoden.training._fit import _prepare
+from symoden.training._prepare import prepare
 
 CONSTANT = BlockConfig(constant=True)
 
@@ -191,7 +191,7 @@ def test_the_global_precision_is_left_alone_and_followed(pendulum, small, quick)
 
 def test_validation_windows_are_no_training_windows(pendulum, small, quick):
     for count in (2, 12):
-        stages, _ = _prepare(pendulum(count=count), small, quick)[:2]
+        stages, _ = prepare(pendulum(count=count), small, quick)[:2]
         stage: Any
         for stage in stages:
             if stage.data.validation is None:  # Too short for a bump.
@@ -207,12 +207,12 @@ def test_validation_windows_are_no_training_windows(pendulum, small, quick):
 def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they_are(
     pendulum, small, quick, monkeypatch
 ):
-    model = _prepare(pendulum(), small, quick)[1].model
+    model = prepare(pendulum(), small, quick)[1].model
     few, all_of_them = (count_parameters(model, corrections=kinds) for kinds in (FRICTION, CORRECTIONS))
 
     def names(most):
         monkeypatch.setattr(_line_up, "MOST_PARAMETERS", most)
-        names = [stage.name for stage in _prepare(pendulum(), small, quick)[0][3:]]
+        names = [stage.name for stage in prepare(pendulum(), small, quick)[0][3:]]
         return [name for name in names if "regression" not in name]
 
     assert few < all_of_them
@@ -224,7 +224,7 @@ def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they
 def test_of_long_logs_windows_that_are_spaced_evenly_are_predicted(pendulum, small, quick):
     def windows(most):
         config = dataclasses.replace(quick, lm_samples=most)
-        stages, _ = _prepare(pendulum(samples=100, count=4), small, config)[:2]
+        stages, _ = prepare(pendulum(samples=100, count=4), small, config)[:2]
         stage: Any = next(stage for stage in stages if stage.name == "levenberg-marquardt")
         return stage.data
 

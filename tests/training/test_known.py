@@ -19,7 +19,7 @@ from symoden.spaces import Space
 from symoden.storage import StorageError
 from symoden.systems import CartPole, Pendulum
 from symoden.training import TrainingConfig, fit, measure_scales
-from symoden.training._fit import _prepare
+from symoden.training._prepare import prepare
 
 CONSTANT = BlockConfig(constant=True)
 TRUTH = Pendulum(damping=0.2)
@@ -80,10 +80,10 @@ def test_a_part_that_is_nearly_right_is_corrected_in_the_growth_stage(pendulum):
     nearly = EXACT | {"potential_energy": f"-{0.8 * LOAD}*cos(q1)", "correct": ("potential_energy",)}
     dataset = knowing(pendulum(count=4), **nearly, constants={"J": INERTIA, "d": 0.2})
     config = dataclasses.replace(STEPS, validation=0.25, growth_steps=6, adam_steps=5)
-    stages, state = _prepare(dataset, MODEL, config)[:2]
+    stages, state = prepare(dataset, MODEL, config)[:2]
     assert [stage.name for stage in stages] == ["growth"]  # Nothing else is free.
     long = dataclasses.replace(dataset, train=pendulum(count=12, samples=200).train)
-    stages, _ = _prepare(long, MODEL, dataclasses.replace(config, lm_horizon=None))[:2]
+    stages, _ = prepare(long, MODEL, dataclasses.replace(config, lm_horizon=None))[:2]
     assert [stage.name for stage in stages] == ["growth"]  # Nor in longer windows.
     before: Any = state.model
     after: Any = fit(dataset, model=MODEL, config=config).model
@@ -109,7 +109,7 @@ def test_what_hangs_on_a_robots_joint_is_recovered(pendulum):
     # Nothing is drawn that Adam were needed for.
     for steps, names in ((8, ["regression", "levenberg-marquardt"]), (0, ["adam"])):
         config = dataclasses.replace(STEPS, adam_steps=9, lm_steps=steps, restarts=1)
-        assert [stage.name for stage in _prepare(dataset, MODEL, config)[0]] == names
+        assert [stage.name for stage in prepare(dataset, MODEL, config)[0]] == names
     found: Any = fit(dataset, model=MODEL, config=STEPS).model
     q = jnp.array([0.4])
     assert found.mass_matrix(q)[0, 0] == pytest.approx(INERTIA, rel=1e-3)

@@ -14,11 +14,11 @@ from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig
 from symoden.training import TrainingConfig, fit
 from symoden.training._data import hold_out, levenberg_data, longer_data
-from symoden.training._fit import _prepare
 from symoden.training._flatten import Flattening
 from symoden.training._left_out import Contender, _folds, by_left_out
 from symoden.training._levenberg_marquardt import levenberg_marquardt_step
 from symoden.training._objective import Batch
+from symoden.training._prepare import prepare
 from symoden.training._residuals import evaluate_loss
 from symoden.training._run import Stopwatch
 from symoden.training._verdicts import CHANCE, CLEAR, Judge
@@ -54,7 +54,7 @@ def prepared(resting):
     """Its windows, the model and the stages."""
     held = hold_out(resting, CONFIG)
     stages: list[Any]
-    stages, state = _prepare(resting, MODEL, CONFIG)[:2]
+    stages, state = prepare(resting, MODEL, CONFIG)[:2]
     return held, state.model, stages
 
 
@@ -88,7 +88,7 @@ def test_dry_friction_is_found_though_the_windows_of_validation_rest(whole):
 def test_steps_are_chosen_by_the_training_loss(prepared):
     _, model, stages = prepared
     (stage,) = (each for each in stages if each.name == "friction")
-    state = _prepare(prepared[0], MODEL, CONFIG)[1]._replace(best=model, best_loss=1.0, substeps=2)
+    state = prepare(prepared[0], MODEL, CONFIG)[1]._replace(best=model, best_loss=1.0, substeps=2)
     state = stage.start(state)
     for _ in range(3):
         state, report = stage.advance(state)
@@ -147,11 +147,11 @@ def test_it_is_for_given_energies_and_few_windows_of_validation(resting, prepare
     assert data.choosing is data.train
     assert [stage.data.in_turn for stage in stages if stage.name == "friction"] == [True]
     networked = dataclasses.replace(MODEL, friction=BlockConfig(hidden=(3,), constant=True))
-    growth: list[Any] = [stage for stage in _prepare(resting, networked, CONFIG)[0] if stage.name == "growth"]
+    growth: list[Any] = [stage for stage in prepare(resting, networked, CONFIG)[0] if stage.name == "growth"]
     assert [stage.data.in_turn for stage in growth] == [False]
     assert {stage.margin for stage in stages if stage.name.startswith("longer windows")} == {-CHANCE}
     free = dataclasses.replace(resting, known=None)
-    assert not levenberg_data(held, _prepare(free, MODEL, CONFIG)[1].model, CONFIG).in_turn
+    assert not levenberg_data(held, prepare(free, MODEL, CONFIG)[1].model, CONFIG).in_turn
     assert not levenberg_data(dataclasses.replace(held, validation=()), model, CONFIG).in_turn
 
 
@@ -165,7 +165,7 @@ def test_more_windows_judge_longer_ones_and_many_judge_all(prepared, count, in_t
     data = levenberg_data(judged, model, CONFIG)
     assert (data.held_out.ts.shape[0], data.in_turn) == (2 * count, in_turn)  # Two windows a piece.
     assert not any(each.in_turn for each in longer_data(judged, model, data, CONFIG))
-    many: list[Any] = _prepare(judged, MODEL, CONFIG)[0]
+    many: list[Any] = prepare(judged, MODEL, CONFIG)[0]
     assert {stage.margin for stage in many if stage.name.startswith("longer windows")} == {-CLEAR}
 
 
@@ -178,7 +178,7 @@ def test_longer_windows_may_be_few_where_energies_are_given(prepared, resting):
     assert all(each.in_turn for each in long)
     for samples in (20, 40, 60):  # Of thinned ones fewer than six are left.
         assert not longer_data(held, model, data, dataclasses.replace(CONFIG, lm_samples=samples))
-    free = _prepare(dataclasses.replace(resting, known=None), MODEL, CONFIG)[1].model
+    free = prepare(dataclasses.replace(resting, known=None), MODEL, CONFIG)[1].model
     assert not longer_data(held, free, data, CONFIG)
 
 

@@ -29,6 +29,7 @@ from ._windows import (
     windows as windows,
     with_few_rests as with_few_rests,
 )
+from ._without_spans import without_spans as without_spans
 from ._write_dataset import write_dataset as write_dataset
 from .description import Unreadable as Unreadable
 from .files import Table as Table
@@ -87,5 +88,6 @@ __all__ = [
     "windows",
     "with_few_rests",
     "without_poor_ends",
+    "without_spans",
     "write_dataset",
 ]

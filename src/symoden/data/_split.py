@@ -134,8 +134,19 @@ def validates_by_ends(dataset: Dataset) -> bool:
     Returns:
         Whether they are.
     """
-    tails = {trajectory.name + _TAIL for trajectory in dataset.train}
-    return any(trajectory.name in tails for trajectory in dataset.validation)
+    return any(trajectory.name.endswith(_TAIL) for trajectory in dataset.validation)
+
+
+def whole_name(name: str) -> str:
+    """Name of the recording that a part is of, of which `split_validation` has held one out.
+
+    Args:
+        name: Name of a recording or of such a part.
+
+    Returns:
+        The recording's name.
+    """
+    return name.removesuffix(_TAIL).removesuffix(_REST)
 
 
 def _needed(trajectories: Sequence[Trajectory], fraction: float, min_samples: int) -> int:

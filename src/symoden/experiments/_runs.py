@@ -356,5 +356,7 @@ def train_run(
             verdicts=result.verdicts,
             hardly_judged=result.hardly_judged,
         )
-        write_run(folder, dataclasses.replace(config, substeps=result.substeps, trained=trained))
+        write_run(
+            folder, dataclasses.replace(config, training=result.config, substeps=result.substeps, trained=trained)
+        )
         return result

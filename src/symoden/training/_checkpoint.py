@@ -11,6 +11,7 @@ import numpy as np
 
 from symoden.storage import StorageError, load_arrays, save_arrays
 
+from ._config import Span
 from ._state import Findings, TrainingState
 
 _NUMBERS = {
@@ -25,7 +26,14 @@ _NUMBERS = {
 
 
 def save_checkpoint(
-    path: Path, state: TrainingState, findings: Findings, *, stages: Sequence[str], origin: str, seconds: float
+    path: Path,
+    state: TrainingState,
+    findings: Findings,
+    *,
+    stages: Sequence[str],
+    origin: str,
+    left_out: Sequence[Span],
+    seconds: float,
 ) -> None:
     """Write the state of training.
 
@@ -35,6 +43,7 @@ def save_checkpoint(
         findings: What the stages so far have come to.
         stages: Names of all stages.
         origin: What tells the data and settings from others.
+        left_out: Spans of the recordings that nothing is learned from.
         seconds: Time spent so far [s].
 
     Raises:
@@ -44,7 +53,28 @@ def save_checkpoint(
     plain = {name: repr(getattr(state, name)) for name in _NUMBERS}
     plain |= {"incumbent_origin": repr(state.incumbent.origin), "seconds": repr(seconds)}
     plain |= {"stages": ", ".join(stages), "data and settings": origin, "findings": json.dumps(findings)}
+    plain |= {"left out": json.dumps(left_out)}
     save_arrays(path, {f"{i:04d}": np.asarray(leaf) for i, leaf in enumerate(leaves)}, plain)
+
+
+def read_left_out(path: Path, given: tuple[Span, ...]) -> tuple[Span, ...]:
+    """Spans of the recordings that a checkpoint's training learns nothing from.
+
+    Args:
+        path: The checkpoint.
+        given: What settings give, if they do.
+
+    Returns:
+        The spans.
+
+    Raises:
+        StorageError: If the file is absent or damaged, of another version, or has others than are given.
+    """
+    _, plain = load_arrays(path)
+    found = _parsed(path, plain, {"left out": _spans})["left out"]
+    if given not in {(), found}:
+        raise StorageError(_foreign(path))
+    return found
 
 
 def read_progress(path: Path, stages: Sequence[str], origin: str) -> tuple[int, float, Findings]:
@@ -92,6 +122,11 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
     state = structure.unflatten([jnp.asarray(next(restored)) if eqx.is_array(leaf) else leaf for leaf in leaves])
     origin = _parsed(path, plain, {"incumbent_origin": int})["incumbent_origin"]
     return state._replace(**_parsed(path, plain, _NUMBERS), incumbent=state.incumbent._replace(origin=origin))
+
+
+def _spans(text: str) -> tuple[Span, ...]:
+    """Spans of recordings, as they were written."""
+    return tuple((str(name), float(start), float(end)) for name, start, end in json.loads(text))
 
 
 def _findings(text: str) -> Findings:

@@ -2,6 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
+
+Span: TypeAlias = tuple[str, float, float]
+"""A recording's name, and where a span of it begins and ends in its own time [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,6 +50,9 @@ class TrainingConfig:
         relevance_steps: Steps after friction, and half as many in longer windows, in which every group of parameters
             learns a prior of its own, so that noisy data use no more parameters than they determine; kept unless
             validation speaks against it.
+        left_out: Spans of training and validation recordings that nothing is learned from. If None, training looks for
+            those in which something moves the machine that neither its inputs nor a good model explains, as a push, a
+            stop or a wrong sample does, and begins anew without them, with a warning; `FitResult.config` has them.
     """
 
     seed: int = 0
@@ -72,6 +79,7 @@ class TrainingConfig:
     patience: int = 4
     growth_steps: int = 40
     relevance_steps: int = 60
+    left_out: tuple[Span, ...] | None = None
 
     def __post_init__(self) -> None:
         """Refuse settings that cannot train.
@@ -114,6 +122,9 @@ def _refuse_numbers(config: TrainingConfig) -> None:
     for name in ("learning_rate", "damping"):
         if not 0 < getattr(config, name) < math.inf:
             raise ValueError(f"`{name}` must be positive and finite; got {getattr(config, name)}.")
+    for name, start, end in config.left_out or ():
+        if not -math.inf < start < end < math.inf:
+            raise ValueError(f"`left_out` must have spans that end after they begin; got {start} to {end} of `{name}`.")
     for name in ("weight_decay", "prior"):
         if not 0 <= getattr(config, name) < math.inf:
             raise ValueError(f"`{name}` must be at least 0 and finite; got {getattr(config, name)}.")

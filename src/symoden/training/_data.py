@@ -30,6 +30,7 @@ from symoden.data import (
     windows,
     with_few_rests,
     without_poor_ends,
+    without_spans,
 )
 from symoden.integrate import HOLDS, RK4
 from symoden.known import PARTS
@@ -113,7 +114,7 @@ class Data(NamedTuple):
 
 
 def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
-    """Split validation recordings off, and leave ends out whose velocities are poor, the same as `fit` does.
+    """Split validation recordings off, leave spans and ends of poor velocities out, the same as `fit` does.
 
     Args:
         dataset: Recordings.
@@ -121,10 +122,14 @@ def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
 
     Returns:
         The data set with its validation part.
+
+    Raises:
+        DataError: If nothing can be held out, or `left_out` has spans of other recordings or leaves nothing.
     """
     if config.validation:
         longest = max(config.horizon or ADAM_WINDOWS.least, config.lm_horizon or ADAM_WINDOWS.least)
         dataset = split_validation(dataset, config.validation, min_samples=longest + 1)
+    dataset = without_spans(dataset, config.left_out or ())  # What judges stays the same, as far as can be.
     return dataclasses.replace(dataset, train=tuple(map(without_poor_ends, dataset.train)))
 
 

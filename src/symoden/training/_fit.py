@@ -4,45 +4,42 @@ import dataclasses
 import functools
 import hashlib
 import math
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL, count_parameters, trainable
-from symoden.data import DataError, Dataset, check_trainable
+from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL
+from symoden.data import Dataset, DataWarning
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
-from symoden.models import ModelConfig, StructuredModel, awaken, build, check_savable, save
-from symoden.spaces import Space
+from symoden.models import ModelConfig, save
 from symoden.storage import StorageError
 from symoden.wording import number
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
-from ._data import hold_out, name_held, regression_data
+from ._disturbances import Disturbed
 from ._ensemble import FEWEST_MEMBERS, Ensemble, Pattern, check_members, train_members
-from ._first_guess import as_heavy, begin_with, can_be_guessed, guess, silent
+from ._first_guess import as_heavy
 from ._flatten import cast, freed
-from ._gauss_newton import MOST_SOLVED
 from ._laplace import infer_posterior
 from ._levenberg_stage import LevenbergStage
-from ._line_up import can_regress, line_up
 from ._posterior import AbstractPosterior
+from ._prepare import Prepared, prepare
 from ._run import MODEL, Journal, Progress, Stopwatch, ignore, run
-from ._scales import measure_scales
 from ._stages import AbstractStage
-from ._state import Incumbent, TrainingState
-from ._weighing import Weighing
+from ._state import Findings, TrainingState
 
 FEWEST_SUBSTEPS: Final = 4
 """RK4 steps in a sampling interval by which models are evaluated, or more where training needed more."""
 
+_ROUNDS: Final = 3  # What is small beside a push is seen once that is left out.
 _STATES = 512  # Where V's slope is looked at.
 _NOTHING = 1e3  # Loss relative to the motion, beyond which a model predicts nothing.
 
@@ -63,7 +60,7 @@ class FitResult:
             errors counting alike; stages of training count them otherwise, in windows of their own.
         seconds: Time spent [s] by this run and, where it goes on from a checkpoint, by those before it; what these
             spent on members is not counted.
-        config: Settings of training.
+        config: Settings of training, with the spans of recordings that it left out.
         substeps: RK4 steps in a sampling interval that its rollouts need.
         ensemble: Models that were trained like it, if any were asked for.
         verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
@@ -167,19 +164,16 @@ def fit(
     _refuse_other_types(dataset, model, config)
     check_members(members, config)
     folder = None if folder is None else Path(folder)
-    told = repr((dataset.digest, model, config))
-    journal = Journal(folder=folder, origin=hashlib.sha256(told.encode()).hexdigest())
+    told = repr((dataset.digest, model, dataclasses.replace(config, left_out=None)))  # What was found may be given now.
+    origin = hashlib.sha256(told.encode()).hexdigest()
+    journal = Journal(folder=folder, origin=origin, left_out=config.left_out or ())
     _refuse_overwriting(journal, resume=resume)
     precision = jnp.zeros(()).dtype  # The user's; inside, arrays have another.
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
     watch = Stopwatch(max_minutes, progress)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
-        guessing = lambda step, most, loss: watch.report(Progress("first guess", step, most, loss, None, watch.seconds))
-        stages, state, fresh = _prepare(dataset, model, config, guessing, saved=folder is not None)
-        begun = state.model
-        counts = [stage.data.train.ts.shape[0] for stage in stages if isinstance(stage, LevenbergStage)]
-        check_members(members, config, min(counts, default=0))
-        state, findings = run(stages, state, journal, resume=resume, watch=watch)
+        prepared, config, state, findings = _trained(dataset, model, config, journal, watch, members, resume=resume)
+        stages, begun = prepared.stages, prepared.state.model
         completed, ensemble, outcome = state.stage == len(stages), None, findings.outcome
         state = _rated(stages, state, completed=completed)
         _refuse_lost(state, config, completed=completed)
@@ -189,7 +183,7 @@ def fit(
         if folder is not None:
             save(folder / MODEL, best)
         if members and completed:
-            pattern = _pattern(stages, state, fresh, config)
+            pattern = _pattern(stages, state, prepared.fresh, config)
             ensemble = train_members(pattern, members, path=journal.ensemble, resume=resume, watch=watch)
             completed = ensemble.is_complete(members)
             if not completed:
@@ -208,6 +202,47 @@ def fit(
         verdicts=findings.verdicts,
         hardly_judged=findings.hardly_judged,
     )
+
+
+def _trained(
+    dataset: Dataset,
+    model: ModelConfig,
+    config: TrainingConfig,
+    journal: Journal,
+    watch: Stopwatch,
+    members: int,
+    *,
+    resume: bool,
+) -> tuple[Prepared, TrainingConfig, TrainingState, Findings]:
+    """Go through the stages, and anew without what disturbs recordings where that is found by the way.
+
+    Returns:
+        What training began with, the settings with what was left out, the last state, and what came of stages.
+    """
+    guessing = lambda step, most, loss: watch.report(Progress("first guess", step, most, loss, None, watch.seconds))
+    rounds = _ROUNDS if config.left_out is None else 0
+    if resume:
+        journal = journal.going_on()
+    while True:
+        config = dataclasses.replace(config, left_out=journal.left_out or config.left_out)
+        prepared = prepare(dataset, model, config, guessing, saved=journal.folder is not None)
+        counts = [stage.data.train.ts.shape[0] for stage in prepared.stages if isinstance(stage, LevenbergStage)]
+        check_members(members, config, min(counts, default=0))
+        screening = prepared.screening if rounds else None
+        try:
+            state, findings = run(
+                prepared.stages, prepared.state, journal, resume=resume, watch=watch, screening=screening
+            )
+        except Disturbed as disturbed:
+            message = (
+                f"`{dataset.name}`: left out of training is {disturbed}: there something moves the machine that "
+                "neither its inputs nor the model explains, as a push, a stop, or a sensor does. Training begins anew."
+            )
+            warnings.warn(message, DataWarning, stacklevel=3)
+            journal = dataclasses.replace(journal, left_out=tuple(sorted((*journal.left_out, *disturbed.spans))))
+            resume, rounds = False, rounds - 1
+        else:
+            return prepared, config, state, findings
 
 
 def _refuse_other_types(dataset: object, model: object, config: object) -> None:
@@ -241,64 +276,6 @@ def _refuse_lost(state: TrainingState, config: TrainingConfig, *, completed: boo
         )
 
 
-def _prepare(
-    dataset: Dataset,
-    model: ModelConfig,
-    config: TrainingConfig,
-    guessing: Callable[[int, int, float], None] = silent,
-    *,
-    saved: bool = False,
-) -> tuple[list[AbstractStage], TrainingState, Callable[..., AbstractDynamics]]:
-    """Split the recordings, and line up the stages, the state before them, and what makes untrained models."""
-    if not dataset.train:
-        raise DataError(f"`{dataset.name}`: training must have recordings in `train`; got none.")
-    check_trainable(dataset)
-    name_held(dataset)
-    dataset = hold_out(dataset, config)
-    if saved and dataset.known is not None:
-        _check_savable(_drawing(dataset, model, config)(0))  # Before guesses and training take their time.
-    fresh = _builder(dataset, model, config, guessing)
-    dynamics = fresh(0)
-    restarts = config.restarts if config.adam_steps else 0
-    candidates = [fresh(number, awake=number > 0) for number in range(restarts)]  # First a V that is a polynomial.
-    awake = (fresh(number, awake=True) for number in range(2))
-    if config.lm_steps and eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake)):
-        candidates = []  # Nothing is: from a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
-    size = count_parameters(dynamics)
-    if not size:
-        raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
-    if config.lm_steps and size > MOST_SOLVED:
-        raise ValueError(
-            f"Levenberg-Marquardt must have at most {MOST_SOLVED} numbers to learn, as its matrices hold the squares; "
-            f"the model has {size}. Take smaller networks, or Adam alone: `lm_steps=0`."
-        )
-    stages = line_up(dataset, dynamics, candidates, config)
-    weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
-    state = TrainingState(
-        stage=0,
-        step=0,
-        model=dynamics,
-        memory=None,
-        damping=config.damping,
-        substeps=(config.lm_substeps or 1) if config.lm_steps else config.substeps,
-        weighing=weighing,
-        best=dynamics,
-        best_loss=math.inf,
-        origin=0,
-        stale=0,
-        incumbent=Incumbent(dynamics, None, 0, weighing, rival=dynamics),
-    )
-    return stages, state, fresh
-
-
-def _check_savable(dynamics: AbstractDynamics) -> None:
-    """Refuse a model that could not be saved after training."""
-    try:
-        check_savable(dynamics)
-    except StorageError as error:
-        raise StorageError(f"{error} To train without files, leave `folder` out.") from None
-
-
 def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: bool) -> TrainingState:
     """The state of training, its best model rated by rollouts and all errors alike, in the longest windows that were.
 
@@ -317,57 +294,6 @@ def _rated(stages: Sequence[AbstractStage], state: TrainingState, *, completed: 
         return state
     rated = gone[-1].rated(state)
     return state._replace(best_loss=rated.best_loss, substeps=rated.substeps)
-
-
-def _builder(
-    dataset: Dataset, model: ModelConfig, config: TrainingConfig, guessing: Callable[[int, int, float], None]
-) -> Callable[..., AbstractDynamics]:
-    """What makes untrained models from the number of a draw, networks of V awake or not (see `awaken`)."""
-    draw = _drawing(dataset, model, config)
-    untouched = draw(0)
-    if not isinstance(untouched, StructuredModel) or not can_regress(untouched, config):
-        return draw
-    windows = regression_data(dataset, untouched, config) if can_be_guessed(untouched) else None
-    if windows is None:
-        return draw
-    first = guess(cast(untouched, jnp.float64), windows, guessing)
-    known = dataset.known
-    if first.drives is not None and known is not None and known.robot is not None:
-        # Natural units follow: those of a wrist whose drive outweighs it are not those of its weight.
-        driven = dataclasses.replace(known, robot=known.robot.with_drives(first.drives.tolist()))
-        draw = _drawing(dataclasses.replace(dataset, known=driven), model, config)
-
-    def begun(number: int, *, awake: bool = False) -> AbstractDynamics:
-        drawn = draw(number, awake=awake)
-        return begin_with(drawn, first) if isinstance(drawn, StructuredModel) else drawn
-
-    return begun
-
-
-def _drawing(dataset: Dataset, model: ModelConfig, config: TrainingConfig) -> Callable[..., AbstractDynamics]:
-    """What makes models from the number of a draw, whatever the recordings say of inputs and friction."""
-    space = Space.parse(dataset.space)
-    scales = None
-    if model.scaled:
-        scales = measure_scales(
-            dataset.train, space, momenta=dataset.momenta, input_matrix=dataset.input_matrix, known=dataset.known
-        )
-
-    def drawn(number: int, *, awake: bool = False) -> AbstractDynamics:
-        key = jax.random.fold_in(jax.random.key(config.seed), number)
-        made = build(
-            model,
-            space,
-            dataset.inputs,
-            momenta=dataset.momenta,
-            scales=scales,
-            input_matrix=dataset.input_matrix,
-            known=dataset.known,
-            key=key,
-        )
-        return awaken(made, key=jax.random.fold_in(key, 1)) if awake else made
-
-    return drawn
 
 
 def _pattern(

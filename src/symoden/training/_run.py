@@ -5,14 +5,16 @@ import json
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from symoden.storage import StorageError, write_atomically
 from symoden.wording import first_few, number
 
-from ._checkpoint import load_checkpoint, read_progress, save_checkpoint
+from ._checkpoint import load_checkpoint, read_left_out, read_progress, save_checkpoint
+from ._config import Span
+from ._disturbances import Screening
 from ._stages import AbstractStage, Clock, OutOfTime, never
 from ._state import Findings, TrainingState
 
@@ -144,10 +146,12 @@ class Journal:
     Attributes:
         folder: Folder of the run, if any.
         origin: What tells the run's data and settings from others.
+        left_out: Spans of the recordings that nothing is learned from.
     """
 
     folder: Path | None
     origin: str
+    left_out: tuple[Span, ...] = ()
 
     @property
     def checkpoint(self) -> Path | None:
@@ -158,6 +162,19 @@ class Journal:
     def ensemble(self) -> Path | None:
         """The file of the models that were trained like the model, whether it exists or not."""
         return None if self.folder is None else self.folder / ENSEMBLE
+
+    def going_on(self) -> "Journal":
+        """The same with what the checkpoint's training leaves out, if there is a checkpoint.
+
+        Returns:
+            The journal.
+
+        Raises:
+            StorageError: If the checkpoint is damaged, of another version, or leaves out other than is given.
+        """
+        if self.checkpoint is None or not self.checkpoint.exists():
+            return self
+        return replace(self, left_out=read_left_out(self.checkpoint, self.left_out))
 
     @property
     def metrics(self) -> Path | None:
@@ -223,7 +240,15 @@ class Journal:
         if self.checkpoint is None or self.metrics is None:
             return
         write_atomically(self.metrics, "".join(json.dumps(line) + "\n" for line in lines).encode())
-        save_checkpoint(self.checkpoint, state, findings, stages=_names(stages), origin=self.origin, seconds=seconds)
+        save_checkpoint(
+            self.checkpoint,
+            state,
+            findings,
+            stages=_names(stages),
+            origin=self.origin,
+            left_out=self.left_out,
+            seconds=seconds,
+        )
 
 
 def run(
@@ -233,6 +258,7 @@ def run(
     *,
     resume: bool,
     watch: Stopwatch,
+    screening: Screening | None = None,
 ) -> tuple[TrainingState, Findings]:
     """Go through the stages.
 
@@ -242,9 +268,13 @@ def run(
         journal: Where to keep it.
         resume: Start from the journal's checkpoint, if there is one.
         watch: Hears of every stride and tells when the run is to end; learns what was spent before.
+        screening: What looks for disturbances by the way, if anything.
 
     Returns:
         The last state, and how it ended and the verdicts on stages, those before a resumption too.
+
+    Raises:
+        Disturbed: If the screening finds disturbances.
     """
     findings, lines = Findings.none(), []
     if resume:
@@ -266,7 +296,9 @@ def run(
         if report.finished:
             # Why a stage was skipped says nothing of the training.
             findings = findings._replace(outcome=report.outcome) if state.step else findings
-            state = _next(stages, state)
+            ended, state = state.stage, _next(stages, state)
+            if screening is not None and ended <= screening.stage < state.stage:
+                screening(state)
         journal.write(stages, state, findings, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             watch.report(now)

@@ -7,7 +7,7 @@ from ._clocks import SLOW as SLOW, find_other_clocks as find_other_clocks
 from ._copies import find_copies as find_copies
 from ._facts import ChannelFacts as ChannelFacts, Facts as Facts, measure as measure
 from ._logs import Log as Log, angles as angles
-from ._masking import Mask as Mask
+from ._masking import LEAST_SAMPLES as LEAST_SAMPLES, Mask as Mask
 from ._overlaps import find_ended as find_ended
 from ._reading import Reading as Reading, read_all as read_all
 from ._recordings import recordings_of as recordings_of, rows_to_use as rows_to_use
@@ -16,6 +16,7 @@ from ._uneven import find_uneven as find_uneven
 from ._zeros import find_counted_zeros as find_counted_zeros
 
 __all__ = [
+    "LEAST_SAMPLES",
     "SLOW",
     "BlindSpot",
     "ChannelFacts",

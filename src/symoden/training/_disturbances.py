@@ -1,0 +1,185 @@
+"""Moments at which something moves the machine that neither its inputs nor what was learned explains."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from symoden.data import Dataset, Trajectory, windows, without_poor_ends
+from symoden.mechanics import AbstractDynamics
+from symoden.wording import first_few, stamp
+
+from ._config import Span, TrainingConfig
+from ._data import Data, regression_data
+from ._flatten import cast
+from ._levenberg_stage import LevenbergStage
+from ._objective import AbstractObjective, Batch
+from ._residuals import filled
+from ._stages import AbstractStage
+from ._state import TrainingState
+
+_USUAL: Final = (
+    0.9  # Quantile of what a model leaves unexplained: two to three times the median, on all machines tried.
+)
+_FAR: Final = 15.0  # Times that: machines without disturbances have 7 at most, pushes and wrong samples 20 to 500.
+_MUCH: Final = 0.5  # Of what velocities change by in a window: less does no harm.
+_SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
+_STRIDES: Final = 4  # Of a window, from one to the next.
+_BLOCK: Final = 512  # Windows.
+_NAMED: Final = 4
+
+
+class Disturbed(Exception):  # noqa: N818 - It is no error: training begins anew without these spans.
+    """Recordings were disturbed, and the model has learned from that.
+
+    Attributes:
+        spans: Where, in the recordings' own time.
+    """
+
+    def __init__(self, spans: Sequence[Span]) -> None:
+        super().__init__(describe(spans))
+        self.spans = tuple(spans)
+
+
+@dataclass(frozen=True, eq=False)
+class Screening:
+    """Looks for disturbances once a model is good enough to tell, and before much time is spent on more.
+
+    Attributes:
+        stage: Index of the stage after which it looks.
+        data: Windows of the weak form.
+        recordings: What was recorded, as a whole.
+        left_out: What is left out already.
+    """
+
+    stage: int
+    data: Data
+    recordings: tuple[Trajectory, ...]
+    left_out: tuple[Span, ...]
+
+    def __call__(self, state: TrainingState) -> None:
+        """Look for more.
+
+        Args:
+            state: State of training at the end of the stage.
+
+        Raises:
+            Disturbed: If there is more.
+        """
+        if found := find_disturbances(state.best, self.data, self.recordings, self.left_out):
+            raise Disturbed(found)
+
+
+def screening_of(
+    dataset: Dataset,
+    held: Dataset,
+    dynamics: AbstractDynamics,
+    stages: Sequence[AbstractStage],
+    config: TrainingConfig,
+) -> Screening | None:
+    """What looks for disturbances, where that can be.
+
+    Args:
+        dataset: Recordings as a whole.
+        held: What is used of them, with its validation part.
+        dynamics: Untrained model.
+        stages: What training goes through.
+        config: Settings.
+
+    Returns:
+        It; none where no priors are learned, so that hardly a model is good enough to tell, or there is no weak form.
+    """
+    learning = (each.learns and not each.regresses if isinstance(each, LevenbergStage) else False for each in stages)
+    stage = next((k for k, learns in enumerate(learning) if learns), None)
+    data = None if stage is None or not config.scaled_loss else regression_data(held, dynamics, config)
+    if stage is None or data is None:
+        return None
+    recordings = tuple(map(without_poor_ends, (*dataset.train, *dataset.validation)))
+    return Screening(stage, data, recordings, config.left_out or ())
+
+
+def find_disturbances(
+    model: AbstractDynamics, data: Data, recordings: Sequence[Trajectory], left_out: Sequence[Span] = ()
+) -> list[Span]:
+    """Find where recordings move far otherwise than a model says, for a moment.
+
+    By the equations of motion in weak form, from the states that were measured along a short window: a rollout that
+    goes astray tells nothing of when it began to. A window is disturbed if far more of its change of velocity is
+    unexplained than is usual, and much. Where that is so often, the model is at fault, and nothing is found.
+
+    Args:
+        model: A model that was fitted to the recordings.
+        data: Windows of the weak form, for what is usual.
+        recordings: Where to look.
+        left_out: Where not to: spans of them.
+
+    Returns:
+        Spans of the recordings that are disturbed, by name and in their own time [s].
+    """
+    model, objective = cast(model, data.train.q.dtype), data.objective
+    usual = np.quantile(np.abs(_residuals(model, objective, data.train)), _USUAL, axis=0)
+    if not np.isfinite(usual).all():
+        return []
+    horizon = data.train.ts.shape[1] - 1
+    stride = max(1, horizon // _STRIDES)
+    found, total, disturbed = [], 0, 0
+    for recording in recordings:
+        if len(recording) <= horizon:
+            continue
+        every = windows([recording], horizon, stride=stride)
+        starts = np.arange(len(every)) * stride
+        known = _overlaps(recording, starts, horizon, left_out)
+        residuals = _residuals(model, objective, Batch.of(every, data.train.q.dtype))
+        far = (np.abs(residuals) > np.maximum(_FAR * usual, _MUCH)).any(axis=1) & ~known
+        total, disturbed = total + int(np.sum(~known)), disturbed + int(np.sum(far))
+        found.extend(_spans(recording, starts[far], horizon))
+    return found if disturbed <= _SELDOM * total else []
+
+
+def describe(spans: Sequence[Span]) -> str:
+    """Where recordings are disturbed, in words.
+
+    Args:
+        spans: The spans.
+
+    Returns:
+        The words.
+    """
+    return first_few([f"`{name}` from {stamp(start)} to {stamp(end)} s" for name, start, end in spans], _NAMED)
+
+
+def _overlaps(recording: Trajectory, starts: np.ndarray, horizon: int, spans: Sequence[Span]) -> Bool[np.ndarray, " B"]:
+    """Which windows of a recording have something of spans."""
+    first, last = recording.ts[starts], recording.ts[starts + horizon]
+    inside = [(first <= end) & (last >= start) for name, start, end in spans if name == recording.name]
+    return np.any([np.zeros(len(starts), bool), *inside], axis=0)
+
+
+def _residuals(model: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Float[np.ndarray, "B n"]:
+    """What is unexplained in each of many windows."""
+    total = batch.ts.shape[0]
+    blocks = (filled(start, _BLOCK, total) for start in range(0, total, _BLOCK))
+    return np.concatenate([np.asarray(_block(model, objective, batch.take(block))) for block in blocks])[:total]
+
+
+@eqx.filter_jit
+def _block(model: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Float[Array, "B n"]:
+    """`_residuals` of a block, compiled."""
+    return jax.vmap(lambda window: objective.residuals(model, window)[0])(batch)
+
+
+def _spans(recording: Trajectory, starts: np.ndarray, horizon: int) -> Iterator[Span]:
+    """Spans that hold what disturbs windows: from the middle of the first one in a row to that of the last, and more.
+
+    Yields:
+        One for each row of windows that follow each other.
+    """
+    for row in np.split(starts, np.flatnonzero(np.diff(starts) > horizon) + 1):
+        if len(row):
+            # Under a bump, what is at its ends hardly counts.
+            first, last = row[0] + horizon // 4, row[-1] + horizon - horizon // 4
+            yield recording.name, float(recording.ts[first]), float(recording.ts[last])

@@ -1,0 +1,190 @@
+"""What moves a machine beside its inputs is found, left out of training, and of all that follows from it."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings, strategies as st
+
+from symoden.data import DataError, Dataset, DataWarning, Trajectory, without_spans
+from symoden.integrate import RK4, rollout
+from symoden.models import BlockConfig, ModelConfig
+from symoden.storage import StorageError
+from symoden.systems import Pendulum
+from symoden.training import TrainingConfig, fit, hold_out
+from symoden.training._data import regression_data
+from symoden.training._disturbances import find_disturbances
+
+STEP, SIZE = 0.02, 500
+CONFIG = TrainingConfig()
+SYSTEM = Pendulum(damping=0.2)
+
+
+def swing(name, generator, pushes=(), noise=0.0):
+    """A recording, and pushes [N m] from one row to another that it does not have among its inputs."""
+    ts = STEP * np.arange(SIZE)
+    phase, pace = generator.uniform(0, 6, 3), generator.uniform(0.5, 3, 3)
+    us = 2 * np.sin(pace * ts[:, None] + phase).sum(axis=1, keepdims=True)
+    push = np.zeros_like(us)
+    for first, last, size in pushes:
+        push[first:last] += size
+    with jax.enable_x64(True):
+        path = rollout(SYSTEM, *map(jnp.asarray, (np.zeros(1), np.zeros(1), ts, us + push)), solver=RK4(4))
+        q, v = (np.asarray(each) + noise * generator.normal(size=each.shape) for each in (path.q, path.rates))
+    return Trajectory(name=name, ts=ts + 100.0, q=q, rates=v, us=us)
+
+
+def swings(seed, pushes, noise=1e-3, count=3):
+    generator = np.random.default_rng(seed)
+    train = tuple(swing(f"run{k}", generator, pushes.get(k, ()), noise) for k in range(count))
+    return Dataset(name="runs", space="T1", train=train)
+
+
+def gain(model):
+    """Acceleration for each unit of the input, where the pendulum hangs: known, whatever the scale of M and g."""
+    return model.inverse_mass_matrix(jnp.zeros(1)) @ model.input_matrix(jnp.zeros(1))
+
+
+def found_in(dataset, model=SYSTEM, left_out=()):
+    with jax.enable_x64(True):
+        data = regression_data(hold_out(dataset, CONFIG), model, CONFIG)
+        assert data is not None
+        return find_disturbances(model, data, dataset.train, left_out)
+
+
+@settings(max_examples=15)
+@given(
+    seed=st.integers(0, 10_000),
+    at=st.integers(30, SIZE - 50),
+    length=st.integers(3, 10),
+    size=st.floats(20.0, 60.0),
+    sign=st.sampled_from([-1, 1]),
+    noise=st.floats(0.0, 5e-3),
+)
+def test_a_push_is_found_where_it_is_and_nothing_else(seed, at, length, size, sign, noise):
+    dataset = swings(seed, {1: [(at, at + length, sign * size)]}, noise)
+    ((name, start, end),) = found_in(dataset)
+    assert name == "run1"
+    assert start <= 100 + STEP * (at + length)
+    assert end >= 100 + STEP * at
+    assert end - start < STEP * length + 0.8
+    assert found_in(dataset, left_out=[(name, start, end)]) == []
+    assert found_in(swings(seed, {}, noise)) == []
+
+
+def test_a_wrong_velocity_is_found():
+    (first, *others) = swings(0, {}).train
+    rates = first.rates.copy()
+    rates[222] += 8.0
+    dataset = Dataset(name="runs", space="T1", train=(dataclasses.replace(first, rates=rates), *others))
+    ((name, start, end),) = found_in(dataset)
+    assert name == "run0"
+    assert start < first.ts[222] < end
+
+
+def test_what_is_often_unexplained_is_the_models_fault():
+    assert found_in(swings(1, {}), Pendulum(mass=3.0, damping=0.2)) == []
+    often = [(at, at + 5, 40.0) for at in range(10, SIZE - 10, 60)]
+    assert found_in(swings(1, dict.fromkeys(range(3), often))) == []
+
+
+@pytest.mark.parametrize(
+    ("spans", "pieces"),
+    [
+        ([], {"run0": 500, "run1": 500}),
+        ([("run1", 102.0, 103.0)], {"run0": 500, "run1#1": 100, "run1#2": 349}),
+        ([("run0", 0.0, 101.0), ("run1", 109.7, 120.0)], {"run0#1": 449, "run1#1": 485}),
+        ([("run1", 100.2, 100.4), ("run1", 100.3, 101.0)], {"run0": 500, "run1#1": 449}),  # Ten samples are no piece.
+        ([("run1", 0.0, 1e3)], {"run0": 500}),
+        ([("run1", 0.0, 99.0)], {"run0": 500, "run1": 500}),
+    ],
+)
+def test_recordings_are_split_where_something_is_left_out(spans, pieces):
+    dataset = swings(0, {}, count=2)
+    left = without_spans(dataset, spans)
+    assert {each.name: len(each) for each in left.train} == pieces
+    for each in left.train:
+        assert not any(each.name.startswith(name) and ((each.ts >= a) & (each.ts <= b)).any() for name, a, b in spans)
+    judged = dataclasses.replace(dataset, train=dataset.train[:1], validation=dataset.train[1:])
+    assert [each.name for each in without_spans(judged, spans).validation] == [
+        name for name in pieces if name.startswith("run1")
+    ]
+
+
+def test_spans_that_are_none_are_refused():
+    dataset = swings(0, {}, count=2)
+    with pytest.raises(DataError, match=r"recordings in `train` or `validation`; got `fall`. There are `run0`, `run1`"):
+        without_spans(dataset, [("fall", 0.0, 1.0)])
+    with pytest.raises(DataError, match="something must be left to train on"):
+        without_spans(dataset, [("run0", 0.0, 1e3), ("run1", 0.0, 1e3)])
+    with pytest.raises(ValueError, match="spans that end after they begin; got 2.0 to 1.0 of `run0`"):
+        TrainingConfig(left_out=(("run0", 2.0, 1.0),))
+
+
+PUSHED = {0: [(100, 105, 60.0)], 1: [(480, 485, -60.0)]}
+BRIEF = TrainingConfig(
+    restarts=1, adam_steps=200, batch_size=32, lm_steps=3, growth_steps=1, relevance_steps=2, lm_substeps=1
+)
+MODEL = ModelConfig(
+    inverse_mass=BlockConfig(constant=True),
+    potential=BlockConfig(harmonics=True),
+    actuation=BlockConfig(constant=True),
+    friction=BlockConfig(constant=True),
+    knees=(),
+)
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    return swings(0, PUSHED)
+
+
+@pytest.fixture(scope="module")
+def trained(pushed, tmp_path_factory):
+    """What is learned of pushed recordings, and the folder."""
+    folder = tmp_path_factory.mktemp("pushed") / "run"
+    with pytest.warns(DataWarning, match=r"left out of training is `run0` from 10\d.* to .* s, `run1` from 10\d"):
+        return fit(pushed, model=MODEL, config=BRIEF, folder=folder), folder
+
+
+def test_training_begins_anew_without_what_disturbs(pushed, trained):
+    result, _ = trained
+    assert {name for name, _, _ in result.config.left_out} == {"run0", "run1"}
+    plain = dataclasses.replace(BRIEF, left_out=())
+    disturbed = fit(pushed, model=MODEL, config=plain)
+    given = fit(pushed, model=MODEL, config=result.config)
+    assert disturbed.config == plain
+    assert eqx.tree_equal(given.model, result.model)
+
+    def error(model):
+        return abs(float(gain(model)[0, 0] / gain(SYSTEM)[0, 0]) - 1)
+
+    assert error(result.model) < 0.02
+    assert error(disturbed.model) > 3 * error(result.model)
+
+
+def test_what_follows_leaves_it_out_too(pushed, trained):
+    result, _ = trained
+    blind = dataclasses.replace(result, config=BRIEF)
+    narrow, wide = (float(each.posterior(pushed).half_width(gain)[0, 0]) for each in (result, blind))
+    assert narrow < wide / 3
+
+
+def test_resumed_in_strides_it_is_the_same(pushed, trained, tmp_path, in_strides):
+    result, _ = trained
+    with pytest.warns(DataWarning, match="left out of training"):
+        *_, last = in_strides(pushed, most=60, model=MODEL, config=BRIEF, folder=tmp_path / "parts")
+    assert last.config == result.config
+    assert eqx.tree_equal(last.model, result.model)
+
+
+def test_members_are_trained_without_it(pushed, trained):
+    result, folder = trained
+    again = fit(pushed, model=MODEL, config=result.config, folder=folder, resume=True)  # As a run's settings have it.
+    assert eqx.tree_equal(again.model, result.model)
+    other = dataclasses.replace(BRIEF, left_out=(("run0", 101.0, 102.0),))
+    with pytest.raises(StorageError, match="same data, settings and version"):
+        fit(pushed, model=MODEL, config=other, folder=folder, resume=True)
