@@ -6,6 +6,7 @@ from typing import Final
 
 LEARNED: Final = "model"
 """What stands for the name of a machine where a controller is tried on learned models."""
+_SPANS: Final = 4
 _FAR: Final = 1e3  # [s]: six digits do not tell the next stamp apart.
 
 
@@ -41,6 +42,22 @@ def stamp(seconds: float) -> str:
         ('12.3457', '36241.330', '1717493100.250')
     """
     return f"{seconds:.6g}" if abs(seconds) < _FAR else f"{seconds:.3f}"
+
+
+def spans_in_words(spans: Iterable[tuple[str, float, float]]) -> str:
+    """Spans of recordings, the first few of many.
+
+    Args:
+        spans: Of each the recording's name, its begin and its end [s].
+
+    Returns:
+        The words.
+
+    Example:
+        >>> spans_in_words([("run1", 4.875, 5.23), ("run2", 0.0, 1.0)])
+        '`run1` from 4.875 to 5.23 s, `run2` from 0 to 1 s'
+    """
+    return first_few((f"`{name}` from {stamp(start)} to {stamp(end)} s" for name, start, end in spans), _SPANS)
 
 
 def percent(share: float) -> str:

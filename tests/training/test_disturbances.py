@@ -120,7 +120,7 @@ def test_spans_that_are_none_are_refused():
         without_spans(dataset, [("fall", 0.0, 1.0)])
     with pytest.raises(DataError, match="something must be left to train on"):
         without_spans(dataset, [("run0", 0.0, 1e3), ("run1", 0.0, 1e3)])
-    with pytest.raises(ValueError, match="spans that end after they begin; got 2.0 to 1.0 of `run0`"):
+    with pytest.raises(ValueError, match="spans that end after they begin"):
         TrainingConfig(left_out=(("run0", 2.0, 1.0),))
 
 

@@ -204,6 +204,7 @@ def _as_json(command: Train, result: FitResult) -> dict[str, object]:
         "completed": result.completed,
         "parameters": count_parameters(result.model),
         "loss": result.loss,
+        "left_out": result.config.left_out or (),
         "seconds": result.seconds,
         "members": None if result.ensemble is None else len(result.ensemble.members),
     }

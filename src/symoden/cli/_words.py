@@ -8,7 +8,7 @@ from typing import Final
 
 from symoden.evaluation import Audit, BandScore, Certainty
 from symoden.experiments import RunConfig
-from symoden.wording import number
+from symoden.wording import number, spans_in_words
 
 _NONE: Final = 1e-6  # Relative width of a band that is none.
 _MOSTLY: Final = 0.7  # Half of the variance.
@@ -30,6 +30,8 @@ def training_words(config: RunConfig) -> Iterator[str]:
     if config.trained is None:
         return
     yield f"{config.trained.outcome}, after {config.trained.seconds:.0f} s"
+    if config.training.left_out:
+        yield f"left out of training, as disturbed: {spans_in_words(config.training.left_out)}"
     yield from (f"{stage}: {verdict}" for stage, verdict in config.trained.verdicts.items())
     if words := hardly_judged(config.trained.hardly_judged):
         yield words

@@ -11,7 +11,6 @@ from jaxtyping import Array, Bool, Float
 
 from symoden.data import Dataset, Trajectory, windows, without_poor_ends
 from symoden.mechanics import AbstractDynamics
-from symoden.wording import first_few, stamp
 
 from ._config import Span, TrainingConfig
 from ._data import Data, regression_data
@@ -30,19 +29,15 @@ _MUCH: Final = 0.5  # Of what velocities change by in a window: less does no har
 _SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
 _STRIDES: Final = 4  # Of a window, from one to the next.
 _BLOCK: Final = 512  # Windows.
-_NAMED: Final = 4
 
 
 class Disturbed(Exception):  # noqa: N818 - It is no error: training begins anew without these spans.
-    """Recordings were disturbed, and the model has learned from that.
+    """Recordings were disturbed, and the model has learned from that."""
 
-    Attributes:
-        spans: Where, in the recordings' own time.
-    """
-
-    def __init__(self, spans: Sequence[Span]) -> None:
-        super().__init__(describe(spans))
-        self.spans = tuple(spans)
+    @property
+    def spans(self) -> tuple[Span, ...]:
+        """Where: what it was raised with."""
+        return self.args
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +66,7 @@ class Screening:
             Disturbed: If there is more.
         """
         if found := find_disturbances(state.best, self.data, self.recordings, self.left_out):
-            raise Disturbed(found)
+            raise Disturbed(*found)
 
 
 def screening_of(
@@ -138,18 +133,6 @@ def find_disturbances(
         total, disturbed = total + int(np.sum(~known)), disturbed + int(np.sum(far))
         found.extend(_spans(recording, starts[far], horizon))
     return found if disturbed <= _SELDOM * total else []
-
-
-def describe(spans: Sequence[Span]) -> str:
-    """Where recordings are disturbed, in words.
-
-    Args:
-        spans: The spans.
-
-    Returns:
-        The words.
-    """
-    return first_few([f"`{name}` from {stamp(start)} to {stamp(end)} s" for name, start, end in spans], _NAMED)
 
 
 def _overlaps(recording: Trajectory, starts: np.ndarray, horizon: int, spans: Sequence[Span]) -> Bool[np.ndarray, " B"]:

@@ -20,7 +20,7 @@ from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, save
 from symoden.storage import StorageError
-from symoden.wording import number
+from symoden.wording import number, spans_in_words
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
@@ -235,8 +235,9 @@ def _trained(
             )
         except Disturbed as disturbed:
             message = (
-                f"`{dataset.name}`: left out of training is {disturbed}: there something moves the machine that "
-                "neither its inputs nor the model explains, as a push, a stop, or a sensor does. Training begins anew."
+                f"`{dataset.name}`: left out of training is {spans_in_words(disturbed.spans)}: there something moves "
+                "the machine that neither its inputs nor the model explains, as a push, a stop or a wrong sample does. "
+                "Training begins anew without; where you know what it was, `rows` in the description saves the time."
             )
             warnings.warn(message, DataWarning, stacklevel=3)
             journal = dataclasses.replace(journal, left_out=tuple(sorted((*journal.left_out, *disturbed.spans))))
