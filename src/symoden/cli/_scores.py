@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from symoden.blocks import count_parameters
 from symoden.evaluation import RecordingScore, score_recordings
-from symoden.experiments import MeanStd, RunConfig, Source, Task, TaskScore, evaluation_solver, score_task
+from symoden.experiments import MeanStd, RunConfig, Source, Task, TaskScore, evaluation_solver, score_task, undisturbed
 from symoden.mechanics import AbstractDynamics
 from symoden.wording import first_few, number
 
@@ -234,7 +234,7 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
     """
     solver = evaluation_solver(config)
     if source.task is None:
-        recordings = score_recordings(model, source.dataset, solver=solver)
+        recordings = score_recordings(model, undisturbed(config, source.dataset), solver=solver)
         return Scores(
             {"recordings": [asdict(recording) for recording in recordings]},
             _recordings(recordings, source.dataset.position_units, config.data.position_names),

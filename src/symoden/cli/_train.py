@@ -22,6 +22,7 @@ from symoden.experiments import (
     refuse_occupied,
     summarize,
     train_run,
+    undisturbed,
 )
 from symoden.models import KINDS
 from symoden.spaces import Space
@@ -72,7 +73,7 @@ def run(command: Train) -> None:
     trained = read_run(command.out)
     scores = report_scores(result.model, trained, source, json=command.general.json)
     if source.task is None and not scores.warning:
-        name_other_hold(result.model, source.dataset, evaluation_solver(trained))
+        name_other_hold(result.model, undisturbed(trained, source.dataset), evaluation_solver(trained))
     if known is not None:
         _name_vanished(known.parameters, identified_parameters(result.model))
     doubtful = result.completed and config.training.scaled_loss and result.loss > _POOR

@@ -53,6 +53,7 @@ from ._runs import (
     read_run_source as read_run_source,
     refuse_occupied as refuse_occupied,
     train_run as train_run,
+    undisturbed as undisturbed,
     write_run as write_run,
 )
 from ._score_task import TaskScore as TaskScore, score_task as score_task
@@ -143,6 +144,7 @@ __all__ = [
     "task",
     "train_run",
     "try_control",
+    "undisturbed",
     "unseen_rollouts",
     "write_result",
     "write_run",

@@ -12,7 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from symoden.data import Dataset
+from symoden.data import Dataset, without_spans
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, load
@@ -264,6 +264,20 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
             f"{kinds[known.momenta]}; got {given.inputs} and {kinds[given.momenta]}."
         )
     return source
+
+
+def undisturbed(config: RunConfig, dataset: Dataset) -> Dataset:
+    """Data without what the training of a run left out of them, over which no model is to be judged.
+
+    Args:
+        config: Settings of the run.
+        dataset: The run's data, or others.
+
+    Returns:
+        The run's data without these spans; others as they are.
+    """
+    own = dataset.digest == config.data.digest
+    return without_spans(dataset, config.training.left_out or ()) if own else dataset
 
 
 def evaluation_solver(config: RunConfig) -> RK4:
