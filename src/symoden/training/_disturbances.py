@@ -24,7 +24,7 @@ from ._state import TrainingState
 _USUAL: Final = (
     0.9  # Quantile of what a model leaves unexplained: two to three times the median, on all machines tried.
 )
-_FAR: Final = 15.0  # Times that: machines without disturbances have 7 at most, pushes and wrong samples 20 to 500.
+_FAR: Final = 8.0  # Times that: where it is much, machines without disturbances have 4.5 at most, pushes 10 to 500.
 _MUCH: Final = 0.5  # Of what velocities change by in a window: less does no harm.
 _SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
 _STRIDES: Final = 4  # Of a window, from one to the next.
