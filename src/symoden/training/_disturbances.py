@@ -45,13 +45,13 @@ class Screening:
     """Looks for disturbances once a model is good enough to tell, and before much time is spent on more.
 
     Attributes:
-        stage: Index of the stage after which it looks.
+        stages: Indices of the stages after which it looks.
         data: Windows of the weak form.
         recordings: What was recorded, as a whole.
         left_out: What is left out already.
     """
 
-    stage: int
+    stages: tuple[int, ...]
     data: Data
     recordings: tuple[Trajectory, ...]
     left_out: tuple[Span, ...]
@@ -88,13 +88,15 @@ def screening_of(
     Returns:
         It; none where no priors are learned, so that hardly a model is good enough to tell, or there is no weak form.
     """
-    learning = (each.learns and not each.regresses if isinstance(each, LevenbergStage) else False for each in stages)
-    stage = next((k for k, learns in enumerate(learning) if learns), None)
-    data = None if stage is None or not config.scaled_loss else regression_data(held, dynamics, config)
-    if stage is None or data is None:
+    first: dict[bool, int] = {}
+    for k, each in enumerate(stages):
+        if isinstance(each, LevenbergStage) and each.learns:
+            first.setdefault(each.regresses, k)
+    data = regression_data(held, dynamics, config) if first and config.scaled_loss else None
+    if data is None:
         return None
     recordings = tuple(map(without_poor_ends, (*dataset.train, *dataset.validation)))
-    return Screening(stage, data, recordings, config.left_out or ())
+    return Screening(tuple(first.values()), data, recordings, config.left_out or ())
 
 
 def find_disturbances(

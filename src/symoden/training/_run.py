@@ -297,7 +297,7 @@ def run(
             # Why a stage was skipped says nothing of the training.
             findings = findings._replace(outcome=report.outcome) if state.step else findings
             ended, state = state.stage, _next(stages, state)
-            if screening is not None and ended <= screening.stage < state.stage:
+            if screening is not None and ended in screening.stages:
                 screening(state)
         journal.write(stages, state, findings, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
