@@ -40,6 +40,7 @@ REFUSED = {
     "symoden.read_dataset(said, tables={'a': polars.LazyFrame({'q': ts})})": "DataError | `a`: a table must be a",
     "symoden.fit([swing])": "TypeError | Training must be given a `Dataset`; got list.",
     "symoden.fit(data, model='dissipative')": "TypeError | Training must be given a `ModelConfig`; got str.",
+    "symoden.TrainingConfig(left_out=[('a',)])": "ValueError | `left_out` must have spans as (name of a",
     "symoden.fit(data, config={'seed': 1})": "TypeError | Training must be given a `TrainingConfig`; got dict.",
     "symoden.fit(data, resume=True)": "ValueError | Training can be resumed only in a `folder`; got none.",
     "symoden.control.design(symoden.systems.Pendulum(), [0.0], method='pid')": "ValueError | `method` must be one",

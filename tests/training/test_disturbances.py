@@ -9,14 +9,25 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from symoden.data import DataError, Dataset, DataWarning, Trajectory, without_spans
-from symoden.integrate import RK4, rollout
-from symoden.models import BlockConfig, ModelConfig
+from symoden.data import (
+    DataError,
+    Dataset,
+    DataWarning,
+    Trajectory,
+    split_validation,
+    validates_by_ends,
+    without_spans,
+)
+from symoden.integrate import HOLDS, RK4, rollout
+from symoden.models import KINDS, BlockConfig, ModelConfig
 from symoden.storage import StorageError
 from symoden.systems import Pendulum
-from symoden.training import TrainingConfig, fit, hold_out
-from symoden.training._data import regression_data
-from symoden.training._disturbances import find_disturbances
+from symoden.training import TrainingConfig, _disturbances, fit, hold_out
+from symoden.training._data import Data, levenberg_data, regression_data
+from symoden.training._disturbances import _bound, find_disturbances
+from symoden.training._objective import Batch
+from symoden.training._prepare import prepare
+from symoden.training._weak_form import WeakForm
 
 STEP, SIZE = 0.02, 500
 CONFIG = TrainingConfig()
@@ -120,8 +131,67 @@ def test_spans_that_are_none_are_refused():
         without_spans(dataset, [("fall", 0.0, 1.0)])
     with pytest.raises(DataError, match="something must be left to train on"):
         without_spans(dataset, [("run0", 0.0, 1e3), ("run1", 0.0, 1e3)])
-    with pytest.raises(ValueError, match="spans that end after they begin"):
+    with pytest.raises(ValueError, match="that end after they begin; got"):
         TrainingConfig(left_out=(("run0", 2.0, 1.0),))
+
+
+def test_spans_are_kept_in_order_each_once():
+    first, second = ("run0", 1.0, 2.0), ("run1", 0.0, 1.0)
+    assert TrainingConfig(left_out=(second, first, first)).left_out == (first, second)
+
+
+def test_what_was_held_out_before_is_looked_at_by_its_whole_name():
+    split = split_validation(swings(0, {1: [(480, 485, -60.0)]}), 0.1)
+    every = (*split.train, *split.validation)
+    with jax.enable_x64(True):
+        data = regression_data(split, SYSTEM, CONFIG)
+        assert data is not None
+        spans = find_disturbances(SYSTEM, data, every)
+    assert [name for name, _, _ in spans] == ["run1"]
+    assert sum(map(len, without_spans(split, spans).validation)) < sum(map(len, split.validation))
+    assert find_disturbances(SYSTEM, data, every, spans) == []
+
+
+def test_what_judges_is_as_long_as_before_or_other_recordings_do():
+    dataset = swings(0, {}, count=2)
+    before = hold_out(dataset, CONFIG)
+    one = hold_out(dataset, dataclasses.replace(CONFIG, left_out=(("run0", 109.3, 109.6),)))
+    assert [each.name for each in one.validation] == ["run1#tail"]  # No piece is as long as a window.
+    lost = hold_out(dataset, dataclasses.replace(CONFIG, left_out=(("run0", 109.0, 110.0), ("run1", 109.0, 110.0))))
+    assert [each.name for each in lost.validation] == ["run0#tail", "run1#tail"]
+    assert all(each.ts[-1] < 109 for each in lost.validation)
+    for held in (before, one, lost):
+        assert validates_by_ends(held)
+    late = hold_out(dataset, dataclasses.replace(CONFIG, left_out=(("run0", 109.9, 110.0), ("run1", 109.9, 110.0))))
+    assert validates_by_ends(late)
+    steps = [levenberg_data(held, SYSTEM, CONFIG).train.ts.shape[1] for held in (before, one)]
+    assert steps[0] == steps[1]
+
+
+def test_poor_ends_stay_out_where_recordings_are_cut():
+    estimated = dataclasses.replace(swings(0, {}).train[0], noise_gain=1.0, one_sided=0.1)
+    dataset = Dataset(name="runs", space="T1", train=(estimated,))
+    held = hold_out(dataset, dataclasses.replace(CONFIG, left_out=(("run0", 104.0, 104.5),)))
+    assert held.train[0].ts[0] >= 100.1 - 1e-9
+    assert [each.ts[0] for each in held.train[1:]] == [pytest.approx(104.52)]
+
+
+def test_a_joint_that_seldom_moves_is_measured_while_it_does():
+    generator = np.random.default_rng(0)
+    windows, samples = 600, 20
+    path = generator.normal(size=(windows, samples, 2)) * [1.0, 1e-3]
+    path[::20, :, 1] = generator.normal(size=(30, samples))
+    ts = jnp.broadcast_to(jnp.asarray(STEP * np.arange(samples)), (windows, samples))
+    batch = Batch(ts, jnp.asarray(path), jnp.asarray(path), ts[..., None], jnp.zeros((windows, 4)))
+    data = Data(batch, None, WeakForm(jnp.array([1.0, 4.0]), HOLDS["zero"]))
+    residuals = 1e-3 * generator.normal(size=(windows, 2))
+    residuals[::20, 1] = generator.uniform(0.5, 1.0, 30)  # The model is poor where it moves.
+    bound = _bound(residuals, data, np.array([0.01, 0.01]))
+    assert bound[1] > 2 * residuals[:, 1].max()
+    assert bound[0] == pytest.approx(0.5 * np.sqrt(2), rel=0.1)
+    residuals[0, 0] = np.inf
+    assert _bound(residuals, data, np.array([0.01, 0.01]))[0] == np.inf
+    assert _bound(residuals, data, np.array([0.01, 9.0]))[1] == np.inf  # Of nothing that moves nothing is known.
 
 
 PUSHED = {0: [(100, 105, 60.0)], 1: [(480, 485, -60.0)]}
@@ -181,10 +251,73 @@ def test_resumed_in_strides_it_is_the_same(pushed, trained, tmp_path, in_strides
     assert eqx.tree_equal(last.model, result.model)
 
 
-def test_members_are_trained_without_it(pushed, trained):
+def test_a_run_goes_on_with_what_it_left_out_and_nothing_else(pushed, trained):
     result, folder = trained
     again = fit(pushed, model=MODEL, config=result.config, folder=folder, resume=True)  # As a run's settings have it.
     assert eqx.tree_equal(again.model, result.model)
-    other = dataclasses.replace(BRIEF, left_out=(("run0", 101.0, 102.0),))
+    for other in ((), (("run0", 101.0, 102.0),)):
+        with pytest.raises(StorageError, match="same data, settings and version"):
+            fit(pushed, model=MODEL, config=dataclasses.replace(BRIEF, left_out=other), folder=folder, resume=True)
     with pytest.raises(StorageError, match="same data, settings and version"):
-        fit(pushed, model=MODEL, config=other, folder=folder, resume=True)
+        fit(swings(1, {}), model=MODEL, config=BRIEF, folder=folder, resume=True)
+
+
+def found_twice(model, data, recordings, left_out):
+    """In place of `find_disturbances`: one span, and another one once that is left out."""
+    del model, data, recordings
+    return [("run0", 102.0, 102.5), ("run1", 104.0, 104.5)][len(left_out) :][:1]
+
+
+def test_what_is_small_is_found_in_a_round_of_its_own_also_by_a_run_in_strides(tmp_path, in_strides, monkeypatch):
+    monkeypatch.setattr(_disturbances, "find_disturbances", found_twice)
+    dataset = swings(0, {})
+    with pytest.warns(DataWarning, match="Training begins anew"):
+        whole = fit(dataset, model=MODEL, config=BRIEF)
+    assert whole.config.left_out == (("run0", 102.0, 102.5), ("run1", 104.0, 104.5))
+    with pytest.warns(DataWarning, match="Training begins anew"):
+        *_, last = in_strides(dataset, most=60, model=MODEL, config=BRIEF, folder=tmp_path / "parts")
+    assert last.config == whole.config
+    assert eqx.tree_equal(last.model, whole.model)
+
+
+def test_a_run_that_ends_soon_after_it_began_anew_has_the_model_from_before(monkeypatch):
+    monkeypatch.setattr(_disturbances, "find_disturbances", found_twice)
+    dataset = swings(0, {})
+
+    def stop_after(name, times):
+        def progress(now):
+            nonlocal times
+            times -= now.stage == name and bool(now.outcome)
+            if times == 0:
+                raise StopIteration
+
+        return progress
+
+    with pytest.warns(DataWarning, match="Training begins anew"):
+        first = fit(dataset, model=MODEL, config=BRIEF, progress=stop_after("relevance", 1))
+    with pytest.warns(DataWarning, match="Training begins anew"):
+        second = fit(dataset, model=MODEL, config=BRIEF, progress=stop_after("adam", 2))
+    assert second.config.left_out is None
+    assert first.config.left_out is None
+    assert second.outcome.startswith("stopped by `progress`")
+    assert not second.completed
+    assert eqx.tree_equal(first.model, second.model)
+
+
+@pytest.mark.parametrize(
+    ("kind", "looks"),
+    [(ModelConfig(kind=kind), kind in {"dissipative", "symoden"}) for kind in KINDS]
+    + [(ModelConfig(full_friction=True, knees=()), False)],
+)
+def test_it_is_looked_for_where_there_is_a_weak_form(kind, looks):
+    with jax.enable_x64(True):
+        dataset = swings(0, {})
+        assert (prepare(dataset, kind, CONFIG, screened=True).screening is not None) == looks
+        assert prepare(dataset, kind, CONFIG).screening is None
+
+
+def test_where_names_tell_no_recordings_apart_nothing_is_looked_for():
+    dataset = swings(0, {})
+    alike = dataclasses.replace(dataset, train=tuple(dataclasses.replace(each, name="run") for each in dataset.train))
+    with jax.enable_x64(True):
+        assert prepare(alike, MODEL, CONFIG, screened=True).screening is None

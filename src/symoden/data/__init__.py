@@ -19,6 +19,7 @@ from ._split import (
     segments as segments,
     split_validation as split_validation,
     validates_by_ends as validates_by_ends,
+    whole_name as whole_name,
 )
 from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory
@@ -84,6 +85,7 @@ __all__ = [
     "usual_steps",
     "validates_by_ends",
     "velocity_noise_gain",
+    "whole_name",
     "window_steps",
     "windows",
     "with_few_rests",

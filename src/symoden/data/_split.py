@@ -134,7 +134,7 @@ def validates_by_ends(dataset: Dataset) -> bool:
     Returns:
         Whether they are.
     """
-    return any(trajectory.name.endswith(_TAIL) for trajectory in dataset.validation)
+    return any(_TAIL in trajectory.name for trajectory in dataset.validation)
 
 
 def whole_name(name: str) -> str:

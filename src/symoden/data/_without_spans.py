@@ -31,6 +31,7 @@ def without_spans(dataset: Dataset, spans: Sequence[tuple[str, float, float]]) -
     """
     if not spans:
         return dataset
+    spans = [(whole_name(name), start, end) for name, start, end in spans]
     names = list(dict.fromkeys(whole_name(each.name) for each in (*dataset.train, *dataset.validation)))
     if unknown := [name for name, _, _ in spans if name not in names]:
         raise DataError(

@@ -32,7 +32,7 @@ def save_checkpoint(
     *,
     stages: Sequence[str],
     origin: str,
-    left_out: Sequence[Span],
+    left_out: tuple[Sequence[Span], int],
     seconds: float,
 ) -> None:
     """Write the state of training.
@@ -43,7 +43,7 @@ def save_checkpoint(
         findings: What the stages so far have come to.
         stages: Names of all stages.
         origin: What tells the data and settings from others.
-        left_out: Spans of the recordings that nothing is learned from.
+        left_out: Spans of the recordings that nothing is learned from, and how often it looks for more.
         seconds: Time spent so far [s].
 
     Raises:
@@ -57,24 +57,25 @@ def save_checkpoint(
     save_arrays(path, {f"{i:04d}": np.asarray(leaf) for i, leaf in enumerate(leaves)}, plain)
 
 
-def read_left_out(path: Path, given: tuple[Span, ...]) -> tuple[Span, ...]:
-    """Spans of the recordings that a checkpoint's training learns nothing from.
+def read_left_out(path: Path, origin: str, given: tuple[Span, ...] | None) -> tuple[tuple[Span, ...], int]:
+    """Spans of the recordings that a checkpoint's training learns nothing from, and how often it looks for more.
 
     Args:
         path: The checkpoint.
-        given: What settings give, if they do.
+        origin: What tells the data and settings from others.
+        given: What settings say of the spans; None for what training has found.
 
     Returns:
-        The spans.
+        Both.
 
     Raises:
-        StorageError: If the file is absent or damaged, of another version, or has others than are given.
+        StorageError: If the file is absent or damaged, or comes from other data or settings, or another version.
     """
     _, plain = load_arrays(path)
-    found = _parsed(path, plain, {"left out": _spans})["left out"]
-    if given not in {(), found}:
+    found, rounds = _parsed(path, plain, {"left out": _left_out})["left out"]
+    if plain.get("data and settings") != origin or given not in {None, found}:
         raise StorageError(_foreign(path))
-    return found
+    return found, rounds
 
 
 def read_progress(path: Path, stages: Sequence[str], origin: str) -> tuple[int, float, Findings]:
@@ -124,9 +125,10 @@ def load_checkpoint(path: Path, like: TrainingState) -> TrainingState:
     return state._replace(**_parsed(path, plain, _NUMBERS), incumbent=state.incumbent._replace(origin=origin))
 
 
-def _spans(text: str) -> tuple[Span, ...]:
-    """Spans of recordings, as they were written."""
-    return tuple((str(name), float(start), float(end)) for name, start, end in json.loads(text))
+def _left_out(text: str) -> tuple[tuple[Span, ...], int]:
+    """Spans of recordings, and rounds, as they were written."""
+    spans, rounds = json.loads(text)
+    return tuple((str(name), float(start), float(end)) for name, start, end in spans), int(rounds)
 
 
 def _findings(text: str) -> Findings:

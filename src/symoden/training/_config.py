@@ -111,6 +111,21 @@ class TrainingConfig:
             if value is not None and not value >= 1:
                 raise ValueError(f"`{name}` must be at least 1, or None to choose it from the data; got {value}.")
         _refuse_numbers(self)
+        if self.left_out is not None:
+            object.__setattr__(self, "left_out", _spans(self.left_out))
+
+
+def _spans(given: object) -> tuple[Span, ...]:
+    """Spans of recordings, in order, each once."""
+    message = "`left_out` must have spans as (name of a recording, begin, end) [s], that end after they begin"
+    try:
+        spans = sorted({(str(name), float(start), float(end)) for name, start, end in given})  # pyright: ignore[reportGeneralTypeIssues]
+    except (TypeError, ValueError):
+        raise ValueError(f"{message}; got {given!r}.") from None
+    for name, start, end in spans:
+        if not -math.inf < start < end < math.inf:
+            raise ValueError(f"{message}; got {start} to {end} of `{name}`.")
+    return tuple(spans)
 
 
 def _refuse_numbers(config: TrainingConfig) -> None:
@@ -122,9 +137,6 @@ def _refuse_numbers(config: TrainingConfig) -> None:
     for name in ("learning_rate", "damping"):
         if not 0 < getattr(config, name) < math.inf:
             raise ValueError(f"`{name}` must be positive and finite; got {getattr(config, name)}.")
-    for name, start, end in config.left_out or ():
-        if not -math.inf < start < end < math.inf:
-            raise ValueError(f"`left_out` must have spans that end after they begin; got {start} to {end} of `{name}`.")
     for name in ("weight_decay", "prior"):
         if not 0 <= getattr(config, name) < math.inf:
             raise ValueError(f"`{name}` must be at least 0 and finite; got {getattr(config, name)}.")

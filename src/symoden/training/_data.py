@@ -54,6 +54,7 @@ _BUMPS = WindowLength(1.0, 8)  # Of fewer steps the trapezoidal rule errs too mu
 _FEWEST = 20  # Of them, or they stay as they are.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
 _NAMED = 3
+_SHARE = 0.1  # Of the recordings, held out where all that was given to judge by is disturbed.
 _FEWEST_IN_TURN = 6  # Or these vary by chance as well; enough for few numbers.
 
 
@@ -129,8 +130,26 @@ def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
     if config.validation:
         longest = max(config.horizon or ADAM_WINDOWS.least, config.lm_horizon or ADAM_WINDOWS.least)
         dataset = split_validation(dataset, config.validation, min_samples=longest + 1)
-    dataset = without_spans(dataset, config.left_out or ())  # What judges stays the same, as far as can be.
-    return dataclasses.replace(dataset, train=tuple(map(without_poor_ends, dataset.train)))
+    dataset = dataclasses.replace(dataset, train=tuple(map(without_poor_ends, dataset.train)))
+    return _without(dataset, config) if config.left_out else dataset
+
+
+def _without(dataset: Dataset, config: TrainingConfig) -> Dataset:
+    """The same without spans that are left out; what judges stays as it was, as far as can be.
+
+    A piece of a validation recording that is shorter than windows would make all of them shorter. Where nothing else
+    is left to judge by, other recordings are held out.
+
+    Returns:
+        The data set.
+    """
+    steps = config.lm_horizon or _horizon(dataset, LEVENBERG_WINDOWS)
+    cut = without_spans(dataset, config.left_out or ())
+    whole = {each.name for each in dataset.validation}
+    judges = tuple(each for each in cut.validation if each.name in whole or len(each) > steps)
+    if judges or not dataset.validation:
+        return dataclasses.replace(cut, validation=judges)
+    return split_validation(dataclasses.replace(cut, validation=()), config.validation or _SHARE, min_samples=steps + 1)
 
 
 def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:

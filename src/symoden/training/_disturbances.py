@@ -1,5 +1,6 @@
 """Moments at which something moves the machine that neither its inputs nor what was learned explains."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -9,35 +10,46 @@ import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from symoden.data import Dataset, Trajectory, windows, without_poor_ends
+from symoden.data import DataError, Dataset, Trajectory, least_motion, whole_name, windows, without_poor_ends
 from symoden.mechanics import AbstractDynamics
 
 from ._config import Span, TrainingConfig
-from ._data import Data, regression_data
+from ._data import Data, hold_out, regression_data
 from ._flatten import cast
 from ._levenberg_stage import LevenbergStage
 from ._objective import AbstractObjective, Batch
 from ._residuals import filled
 from ._stages import AbstractStage
-from ._state import TrainingState
+from ._state import Findings, TrainingState
 
 _USUAL: Final = (
     0.9  # Quantile of what a model leaves unexplained: two to three times the median, on all machines tried.
 )
 _FAR: Final = 8.0  # Times that: where it is much, machines without disturbances have 4.5 at most, pushes 10 to 500.
 _MUCH: Final = 0.5  # Of what velocities change by in a window: less does no harm.
+_ENOUGH: Final = 20  # Windows that tell what is usual.
 _SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
 _STRIDES: Final = 4  # Of a window, from one to the next.
 _BLOCK: Final = 512  # Windows.
 
 
 class Disturbed(Exception):  # noqa: N818 - It is no error: training begins anew without these spans.
-    """Recordings were disturbed, and the model has learned from that."""
+    """Recordings were disturbed, and the model has learned from that: raised with spans, state and findings."""
 
     @property
     def spans(self) -> tuple[Span, ...]:
-        """Where: what it was raised with."""
-        return self.args
+        """Where."""
+        return self.args[0]
+
+    @property
+    def state(self) -> TrainingState:
+        """State of training with what has learned from that."""
+        return self.args[1]
+
+    @property
+    def findings(self) -> Findings:
+        """What stages have come to until then."""
+        return self.args[2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,25 +60,35 @@ class Screening:
         stages: Indices of the stages after which it looks.
         data: Windows of the weak form.
         recordings: What was recorded, as a whole.
-        left_out: What is left out already.
+        dataset: The same, before anything was held or left out.
+        config: Settings, with what is left out already.
     """
 
     stages: tuple[int, ...]
     data: Data
     recordings: tuple[Trajectory, ...]
-    left_out: tuple[Span, ...]
+    dataset: Dataset
+    config: TrainingConfig
 
-    def __call__(self, state: TrainingState) -> None:
+    def __call__(self, state: TrainingState) -> tuple[Span, ...]:
         """Look for more.
 
         Args:
-            state: State of training at the end of the stage.
+            state: State of training at the end of a stage.
 
-        Raises:
-            Disturbed: If there is more.
+        Returns:
+            All that is to be left out, if there is more than before; nothing where too little would be left.
         """
-        if found := find_disturbances(state.best, self.data, self.recordings, self.left_out):
-            raise Disturbed(*found)
+        known = self.config.left_out or ()
+        more = find_disturbances(state.best, self.data, self.recordings, known)
+        if not more:
+            return ()
+        spans = tuple(sorted((*known, *more)))
+        try:
+            hold_out(self.dataset, dataclasses.replace(self.config, left_out=spans))
+        except DataError:
+            return ()
+        return spans
 
 
 def screening_of(
@@ -81,22 +103,25 @@ def screening_of(
     Args:
         dataset: Recordings as a whole.
         held: What is used of them, with its validation part.
-        dynamics: Untrained model.
+        dynamics: Untrained model, of which there is a weak form.
         stages: What training goes through.
         config: Settings.
 
     Returns:
-        It; none where no priors are learned, so that hardly a model is good enough to tell, or there is no weak form.
+        It; none where no priors are learned, so that hardly a model is good enough to tell, where recordings are too
+        short, or several have the same name.
     """
     first: dict[bool, int] = {}
     for k, each in enumerate(stages):
         if isinstance(each, LevenbergStage) and each.learns:
             first.setdefault(each.regresses, k)
-    data = regression_data(held, dynamics, config) if first and config.scaled_loss else None
+    recordings = (*dataset.train, *dataset.validation)
+    if not first or not config.scaled_loss or len({each.name for each in recordings}) < len(recordings):
+        return None
+    data = regression_data(held, dynamics, config)
     if data is None:
         return None
-    recordings = tuple(map(without_poor_ends, (*dataset.train, *dataset.validation)))
-    return Screening(tuple(first.values()), data, recordings, config.left_out or ())
+    return Screening(tuple(first.values()), data, tuple(map(without_poor_ends, recordings)), dataset, config)
 
 
 def find_disturbances(
@@ -105,8 +130,9 @@ def find_disturbances(
     """Find where recordings move far otherwise than a model says, for a moment.
 
     By the equations of motion in weak form, from the states that were measured along a short window: a rollout that
-    goes astray tells nothing of when it began to. A window is disturbed if far more of its change of velocity is
-    unexplained than is usual, and much. Where that is so often, the model is at fault, and nothing is found.
+    goes astray tells nothing of when it began to. A window is disturbed if far more of a coordinate's change of
+    velocity is unexplained than is usual where it moves, and much. Where that is so often, the model is at fault, and
+    nothing is found.
 
     Args:
         model: A model that was fitted to the recordings.
@@ -118,9 +144,7 @@ def find_disturbances(
         Spans of the recordings that are disturbed, by name and in their own time [s].
     """
     model, objective = cast(model, data.train.q.dtype), data.objective
-    usual = np.quantile(np.abs(_residuals(model, objective, data.train)), _USUAL, axis=0)
-    if not np.isfinite(usual).all():
-        return []
+    bound = _bound(_residuals(model, objective, data.train), data, least_motion(recordings))
     horizon = data.train.ts.shape[1] - 1
     stride = max(1, horizon // _STRIDES)
     found, total, disturbed = [], 0, 0
@@ -131,16 +155,37 @@ def find_disturbances(
         starts = np.arange(len(every)) * stride
         known = _overlaps(recording, starts, horizon, left_out)
         residuals = _residuals(model, objective, Batch.of(every, data.train.q.dtype))
-        far = (np.abs(residuals) > np.maximum(_FAR * usual, _MUCH)).any(axis=1) & ~known
+        far = (np.abs(residuals) > bound).any(axis=1) & ~known
         total, disturbed = total + int(np.sum(~known)), disturbed + int(np.sum(far))
         found.extend(_spans(recording, starts[far], horizon))
     return found if disturbed <= _SELDOM * total else []
 
 
+def _bound(residuals: Float[np.ndarray, "B n"], data: Data, least: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """What nothing undisturbed leaves of each coordinate's change of velocity.
+
+    A joint that mostly rests is no measure of what a model leaves of it when it moves.
+
+    Returns:
+        The bounds, relative as residuals are; infinite where they are not known.
+    """
+    q, rates = (np.asarray(each) for each in (data.train.q, data.train.rates))
+    moves = np.ptp(q, axis=1) > least
+    changes = np.mean((rates[:, 1:] - rates[:, :1]) ** 2, axis=1) * np.asarray(data.objective.weights) ** 2
+    bound = np.full(len(least), np.inf)
+    for i in np.flatnonzero(np.sum(moves, axis=0) >= _ENOUGH):
+        rows = moves[:, i]
+        if np.isfinite(residuals[rows, i]).all():
+            usual = float(np.quantile(np.abs(residuals[rows, i]), _USUAL))
+            bound[i] = max(_FAR * usual, _MUCH * float(np.sqrt(np.mean(changes[rows, i]))))
+    return bound
+
+
 def _overlaps(recording: Trajectory, starts: np.ndarray, horizon: int, spans: Sequence[Span]) -> Bool[np.ndarray, " B"]:
     """Which windows of a recording have something of spans."""
     first, last = recording.ts[starts], recording.ts[starts + horizon]
-    inside = [(first <= end) & (last >= start) for name, start, end in spans if name == recording.name]
+    name_of = whole_name(recording.name)
+    inside = [(first <= end) & (last >= start) for name, start, end in spans if name == name_of]
     return np.any([np.zeros(len(starts), bool), *inside], axis=0)
 
 
@@ -167,4 +212,4 @@ def _spans(recording: Trajectory, starts: np.ndarray, horizon: int) -> Iterator[
         if len(row):
             # Under a bump, what is at its ends hardly counts.
             first, last = row[0] + horizon // 4, row[-1] + horizon - horizon // 4
-            yield recording.name, float(recording.ts[first]), float(recording.ts[last])
+            yield whole_name(recording.name), float(recording.ts[first]), float(recording.ts[last])

@@ -166,7 +166,8 @@ def fit(
     folder = None if folder is None else Path(folder)
     told = repr((dataset.digest, model, dataclasses.replace(config, left_out=None)))  # What was found may be given now.
     origin = hashlib.sha256(told.encode()).hexdigest()
-    journal = Journal(folder=folder, origin=origin, left_out=config.left_out or ())
+    rounds = _ROUNDS if config.left_out is None else 0
+    journal = Journal(folder=folder, origin=origin, left_out=config.left_out or (), rounds=rounds)
     _refuse_overwriting(journal, resume=resume)
     precision = jnp.zeros(()).dtype  # The user's; inside, arrays have another.
     # Optax's schedules mix integers and floats, which a user's strict promotion would refuse.
@@ -220,30 +221,32 @@ def _trained(
         What training began with, the settings with what was left out, the last state, and what came of stages.
     """
     guessing = lambda step, most, loss: watch.report(Progress("first guess", step, most, loss, None, watch.seconds))
-    rounds = _ROUNDS if config.left_out is None else 0
     if resume:
-        journal = journal.going_on()
+        journal = journal.going_on(config.left_out)
+    before = None
     while True:
         config = dataclasses.replace(config, left_out=journal.left_out or config.left_out)
-        prepared = prepare(dataset, model, config, guessing, saved=journal.folder is not None)
+        saved, screened = journal.folder is not None, journal.rounds > 0
+        prepared = prepare(dataset, model, config, guessing, saved=saved, screened=screened)
         counts = [stage.data.train.ts.shape[0] for stage in prepared.stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
-        screening = prepared.screening if rounds else None
+        stages, screening = prepared.stages, prepared.screening
         try:
-            state, findings = run(
-                prepared.stages, prepared.state, journal, resume=resume, watch=watch, screening=screening
-            )
+            state, findings = run(stages, prepared.state, journal, resume=resume, watch=watch, screening=screening)
         except Disturbed as disturbed:
             message = (
                 f"`{dataset.name}`: left out of training is {spans_in_words(disturbed.spans)}: there something moves "
                 "the machine that neither its inputs nor the model explains, as a push, a stop or a wrong sample does. "
-                "Training begins anew without; where you know what it was, `rows` in the description saves the time."
+                "Training begins anew without; `TrainingConfig(left_out=())` in Python keeps everything."
             )
             warnings.warn(message, DataWarning, stacklevel=3)
-            journal = dataclasses.replace(journal, left_out=tuple(sorted((*journal.left_out, *disturbed.spans))))
-            resume, rounds = False, rounds - 1
-        else:
-            return prepared, config, state, findings
+            before = prepared, config, disturbed.state, disturbed.findings
+            journal = dataclasses.replace(journal, left_out=disturbed.spans, rounds=journal.rounds - 1)
+            resume = False
+            continue
+        if before is not None and state.stage <= before[2].stage < len(stages):  # Stopped long before it is as good.
+            return *before[:3], before[3]._replace(outcome=findings.outcome)
+        return prepared, config, state, findings
 
 
 def _refuse_other_types(dataset: object, model: object, config: object) -> None:

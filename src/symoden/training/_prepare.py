@@ -52,6 +52,7 @@ def prepare(
     guessing: Callable[[int, int, float], None] = silent,
     *,
     saved: bool = False,
+    screened: bool = False,
 ) -> Prepared:
     """Split the recordings, make untrained models, and line up the stages.
 
@@ -61,6 +62,7 @@ def prepare(
         config: Settings of training.
         guessing: Told how a first guess comes along.
         saved: Whether the model is to be saved.
+        screened: Whether disturbances are to be looked for.
 
     Returns:
         What training begins with.
@@ -108,7 +110,9 @@ def prepare(
         stale=0,
         incumbent=Incumbent(dynamics, None, 0, weighing, rival=dynamics),
     )
-    return Prepared(stages, state, fresh, screening_of(whole, dataset, dynamics, stages, config))
+    screened = screened and can_regress(dynamics, config)
+    screening = screening_of(whole, dataset, dynamics, stages, config) if screened else None
+    return Prepared(stages, state, fresh, screening)
 
 
 def _check_savable(dynamics: AbstractDynamics) -> None:

@@ -14,7 +14,7 @@ from symoden.wording import first_few, number
 
 from ._checkpoint import load_checkpoint, read_left_out, read_progress, save_checkpoint
 from ._config import Span
-from ._disturbances import Screening
+from ._disturbances import Disturbed, Screening
 from ._stages import AbstractStage, Clock, OutOfTime, never
 from ._state import Findings, TrainingState
 
@@ -147,11 +147,13 @@ class Journal:
         folder: Folder of the run, if any.
         origin: What tells the run's data and settings from others.
         left_out: Spans of the recordings that nothing is learned from.
+        rounds: How often disturbances are to be looked for.
     """
 
     folder: Path | None
     origin: str
     left_out: tuple[Span, ...] = ()
+    rounds: int = 0
 
     @property
     def checkpoint(self) -> Path | None:
@@ -163,8 +165,11 @@ class Journal:
         """The file of the models that were trained like the model, whether it exists or not."""
         return None if self.folder is None else self.folder / ENSEMBLE
 
-    def going_on(self) -> "Journal":
+    def going_on(self, given: tuple[Span, ...] | None) -> "Journal":
         """The same with what the checkpoint's training leaves out, if there is a checkpoint.
+
+        Args:
+            given: What settings say of that; None for what training has found.
 
         Returns:
             The journal.
@@ -174,7 +179,8 @@ class Journal:
         """
         if self.checkpoint is None or not self.checkpoint.exists():
             return self
-        return replace(self, left_out=read_left_out(self.checkpoint, self.left_out))
+        left_out, rounds = read_left_out(self.checkpoint, self.origin, given)
+        return replace(self, left_out=left_out, rounds=rounds)
 
     @property
     def metrics(self) -> Path | None:
@@ -246,7 +252,7 @@ class Journal:
             findings,
             stages=_names(stages),
             origin=self.origin,
-            left_out=self.left_out,
+            left_out=(self.left_out, self.rounds),
             seconds=seconds,
         )
 
@@ -288,6 +294,7 @@ def run(
             state, report = stage.advance(state, is_over)
         except OutOfTime:
             return _cut_short(stages, state, findings, watch)
+        disturbed: tuple[Span, ...] = ()
         is_over, seconds = watch.is_up, watch.seconds
         done = stage.name, state.step, stage.steps, report.loss, report.validation, seconds
         now = Progress(*done, report.outcome, "" if report.verdict is None else str(report.verdict))
@@ -297,12 +304,16 @@ def run(
             # Why a stage was skipped says nothing of the training.
             findings = findings._replace(outcome=report.outcome) if state.step else findings
             ended, state = state.stage, _next(stages, state)
-            if screening is not None and ended in screening.stages:
-                screening(state)
-        journal.write(stages, state, findings, lines, seconds=seconds)
+            looks = screening is not None and ended in screening.stages
+            disturbed = screening(state) if screening is not None and looks else ()
+        if not disturbed:  # Else a run that goes on finds it again.
+            journal.write(stages, state, findings, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             watch.report(now)
-        if watch.is_over() and state.stage < len(stages):
+        over = watch.is_over()
+        if disturbed:  # Where the time is over, too: a first stride without these spans is what a run goes on with.
+            raise Disturbed(disturbed, state, findings)
+        if over and state.stage < len(stages):
             return _cut_short(stages, state, findings, watch)
     return state, findings
 
