@@ -22,9 +22,7 @@ from ._residuals import filled
 from ._stages import AbstractStage
 from ._state import Findings, TrainingState
 
-_USUAL: Final = (
-    0.9  # Quantile of what a model leaves unexplained: two to three times the median, on all machines tried.
-)
+_USUAL: Final = 0.9  # Quantile of what a model leaves unexplained: two to three times the median.
 _FAR: Final = 8.0  # Times that: where it is much, machines without disturbances have 4.5 at most, pushes 10 to 500.
 _MUCH: Final = 0.5  # Of what velocities change by in a window: less does no harm.
 _ENOUGH: Final = 20  # Windows that tell what is usual.
