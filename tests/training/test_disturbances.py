@@ -22,7 +22,7 @@ from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, BlockConfig, ModelConfig
 from symoden.storage import StorageError
 from symoden.systems import Pendulum
-from symoden.training import TrainingConfig, _disturbances, fit, hold_out
+from symoden.training import TrainingConfig, _disturbances, _fit, fit, hold_out
 from symoden.training._data import Data, levenberg_data, regression_data
 from symoden.training._disturbances import _bound, find_disturbances
 from symoden.training._objective import Batch
@@ -57,6 +57,11 @@ def swings(seed, pushes, noise=1e-3, count=3):
 def gain(model):
     """Acceleration for each unit of the input, where the pendulum hangs: known, whatever the scale of M and g."""
     return model.inverse_mass_matrix(jnp.zeros(1)) @ model.input_matrix(jnp.zeros(1))
+
+
+def pushes_at(count, rows):
+    """Pushes of the same size at these rows of so many recordings."""
+    return {k: [(row, row + 5, 60.0) for row in rows] for k in range(count)}
 
 
 def found_in(dataset, model=SYSTEM, left_out=()):
@@ -98,8 +103,9 @@ def test_a_wrong_velocity_is_found():
 
 def test_what_is_often_unexplained_is_the_models_fault():
     assert found_in(swings(1, {}), Pendulum(mass=3.0, damping=0.2)) == []
-    often = [(at, at + 5, 40.0) for at in range(10, SIZE - 10, 60)]
-    assert found_in(swings(1, dict.fromkeys(range(3), often))) == []
+    assert len(found_in(swings(1, pushes_at(3, rows=[250])))) == 3
+    assert found_in(swings(1, pushes_at(3, rows=[150, 350]))) == []  # Beyond what is usual all the same.
+    assert found_in(swings(1, pushes_at(3, rows=range(10, SIZE - 10, 60)))) == []
 
 
 @pytest.mark.parametrize(
@@ -160,7 +166,10 @@ def test_what_judges_is_as_long_as_before_or_other_recordings_do():
     lost = hold_out(dataset, dataclasses.replace(CONFIG, left_out=(("run0", 109.0, 110.0), ("run1", 109.0, 110.0))))
     assert [each.name for each in lost.validation] == ["run0#tail", "run1#tail"]
     assert all(each.ts[-1] < 109 for each in lost.validation)
-    for held in (before, one, lost):
+    long = dataclasses.replace(CONFIG, lm_horizon=40)
+    short = hold_out(dataset, dataclasses.replace(long, left_out=(("run0", 109.3, 109.36),)))
+    assert [each.name for each in short.validation] == ["run1#tail"]  # A piece of 31 samples is no window.
+    for held in (before, one, lost, short):
         assert validates_by_ends(held)
     late = hold_out(dataset, dataclasses.replace(CONFIG, left_out=(("run0", 109.9, 110.0), ("run1", 109.9, 110.0))))
     assert validates_by_ends(late)
@@ -276,6 +285,28 @@ def test_what_is_small_is_found_in_a_round_of_its_own_also_by_a_run_in_strides(t
     assert whole.config.left_out == (("run0", 102.0, 102.5), ("run1", 104.0, 104.5))
     with pytest.warns(DataWarning, match="Training begins anew"):
         *_, last = in_strides(dataset, most=60, model=MODEL, config=BRIEF, folder=tmp_path / "parts")
+    assert last.config == whole.config
+    assert eqx.tree_equal(last.model, whole.model)
+
+
+def test_a_run_that_is_killed_before_it_begins_anew_finds_it_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(_disturbances, "find_disturbances", found_twice)
+    dataset, prepared = swings(0, {}), []
+
+    def prepare_once(*arguments, **settings):
+        if prepared:
+            raise KeyboardInterrupt
+        prepared.append(prepare(*arguments, **settings))
+        return prepared[0]
+
+    with pytest.warns(DataWarning, match="Training begins anew"):
+        whole = fit(dataset, model=MODEL, config=BRIEF)
+    with monkeypatch.context() as patch:
+        patch.setattr(_fit, "prepare", prepare_once)
+        with pytest.warns(DataWarning, match="Training begins anew"), pytest.raises(KeyboardInterrupt):
+            fit(dataset, model=MODEL, config=BRIEF, folder=tmp_path / "run")
+    with pytest.warns(DataWarning, match="Training begins anew"):
+        last = fit(dataset, model=MODEL, config=BRIEF, folder=tmp_path / "run", resume=True)
     assert last.config == whole.config
     assert eqx.tree_equal(last.model, whole.model)
 
