@@ -276,8 +276,8 @@ def undisturbed(config: RunConfig, dataset: Dataset) -> Dataset:
     Returns:
         The run's data without these spans; others as they are.
     """
-    own = dataset.digest == config.data.digest
-    return without_spans(dataset, config.training.left_out or ()) if own else dataset
+    spans = config.training.left_out
+    return without_spans(dataset, spans) if spans and dataset.digest == config.data.digest else dataset
 
 
 def evaluation_solver(config: RunConfig) -> RK4:

@@ -39,7 +39,7 @@ from symoden.models import energies_are_given
 from symoden.spaces import Space
 from symoden.wording import first_few
 
-from ._config import TrainingConfig
+from ._config import Span, TrainingConfig
 from ._level import LEAST_WINDOWS
 from ._objective import AbstractObjective, Batch, Objective, channel_order, channel_weights
 from ._residuals import evaluate_loss
@@ -131,10 +131,10 @@ def hold_out(dataset: Dataset, config: TrainingConfig) -> Dataset:
         longest = max(config.horizon or ADAM_WINDOWS.least, config.lm_horizon or ADAM_WINDOWS.least)
         dataset = split_validation(dataset, config.validation, min_samples=longest + 1)
     dataset = dataclasses.replace(dataset, train=tuple(map(without_poor_ends, dataset.train)))
-    return _without(dataset, config) if config.left_out else dataset
+    return _without(dataset, config.left_out, config) if config.left_out else dataset
 
 
-def _without(dataset: Dataset, config: TrainingConfig) -> Dataset:
+def _without(dataset: Dataset, spans: Sequence[Span], config: TrainingConfig) -> Dataset:
     """The same without spans that are left out; what judges stays as it was, as far as can be.
 
     A piece of a validation recording that is shorter than windows would make all of them shorter. Where nothing else
@@ -144,7 +144,7 @@ def _without(dataset: Dataset, config: TrainingConfig) -> Dataset:
         The data set.
     """
     steps = config.lm_horizon or _horizon(dataset, LEVENBERG_WINDOWS)
-    cut = without_spans(dataset, config.left_out or ())
+    cut = without_spans(dataset, spans)
     whole = {each.name for each in dataset.validation}
     judges = tuple(each for each in cut.validation if each.name in whole or len(each) > steps)
     if judges or not dataset.validation:

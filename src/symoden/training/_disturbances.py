@@ -5,10 +5,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import equinox as eqx
-import jax
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from symoden.data import DataError, Dataset, Trajectory, least_motion, whole_name, windows, without_poor_ends
 from symoden.mechanics import AbstractDynamics
@@ -17,10 +15,10 @@ from ._config import Span, TrainingConfig
 from ._data import Data, hold_out, regression_data
 from ._flatten import cast
 from ._levenberg_stage import LevenbergStage
-from ._objective import AbstractObjective, Batch
-from ._residuals import filled
+from ._objective import Batch
+from ._residuals import evaluate_residuals
 from ._stages import AbstractStage
-from ._state import Findings, TrainingState
+from ._state import TrainingState
 
 _USUAL: Final = 0.9  # Quantile of what a model leaves unexplained: two to three times the median.
 _FAR: Final = 8.0  # Times that: where it is much, machines without disturbances have 4.5 at most, pushes 10 to 500.
@@ -28,26 +26,6 @@ _MUCH: Final = 0.5  # Of what velocities change by in a window: less does no har
 _ENOUGH: Final = 20  # Windows that tell what is usual.
 _SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
 _STRIDES: Final = 4  # Of a window, from one to the next.
-_BLOCK: Final = 512  # Windows.
-
-
-class Disturbed(Exception):  # noqa: N818 - It is no error: training begins anew without these spans.
-    """Recordings were disturbed, and the model has learned from that: raised with spans, state and findings."""
-
-    @property
-    def spans(self) -> tuple[Span, ...]:
-        """Where."""
-        return self.args[0]
-
-    @property
-    def state(self) -> TrainingState:
-        """State of training with what has learned from that."""
-        return self.args[1]
-
-    @property
-    def findings(self) -> Findings:
-        """What stages have come to until then."""
-        return self.args[2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,36 +35,38 @@ class Screening:
     Attributes:
         stages: Indices of the stages after which it looks.
         data: Windows of the weak form.
-        recordings: What was recorded, as a whole.
-        dataset: The same, before anything was held or left out.
+        dataset: What was recorded, before anything was held or left out.
         config: Settings, with what is left out already.
     """
 
     stages: tuple[int, ...]
     data: Data
-    recordings: tuple[Trajectory, ...]
     dataset: Dataset
     config: TrainingConfig
 
-    def __call__(self, state: TrainingState) -> tuple[Span, ...]:
-        """Look for more.
+    def after(self, stage: int, state: TrainingState) -> tuple[Span, ...]:
+        """Look for more, if it is time.
 
         Args:
-            state: State of training at the end of a stage.
+            stage: Index of the stage that has ended.
+            state: State of training then.
 
         Returns:
             All that is to be left out, if there is more than before; nothing where too little would be left.
         """
+        if stage not in self.stages:
+            return ()
         known = self.config.left_out or ()
-        more = find_disturbances(state.best, self.data, self.recordings, known)
+        recordings = tuple(map(without_poor_ends, (*self.dataset.train, *self.dataset.validation)))
+        more = find_disturbances(state.best, self.data, recordings, known)
         if not more:
             return ()
-        spans = tuple(sorted((*known, *more)))
+        config = dataclasses.replace(self.config, left_out=(*known, *more))
         try:
-            hold_out(self.dataset, dataclasses.replace(self.config, left_out=spans))
+            hold_out(self.dataset, config)
         except DataError:
             return ()
-        return spans
+        return config.left_out or ()
 
 
 def screening_of(
@@ -113,13 +93,11 @@ def screening_of(
     for k, each in enumerate(stages):
         if isinstance(each, LevenbergStage) and each.learns:
             first.setdefault(each.regresses, k)
-    recordings = (*dataset.train, *dataset.validation)
-    if not first or not config.scaled_loss or len({each.name for each in recordings}) < len(recordings):
+    names = [each.name for each in (*dataset.train, *dataset.validation)]
+    if not first or not config.scaled_loss or len(set(names)) < len(names):
         return None
     data = regression_data(held, dynamics, config)
-    if data is None:
-        return None
-    return Screening(tuple(first.values()), data, tuple(map(without_poor_ends, recordings)), dataset, config)
+    return None if data is None else Screening(tuple(first.values()), data, dataset, config)
 
 
 def find_disturbances(
@@ -141,8 +119,12 @@ def find_disturbances(
     Returns:
         Spans of the recordings that are disturbed, by name and in their own time [s].
     """
-    model, objective = cast(model, data.train.q.dtype), data.objective
-    bound = _bound(_residuals(model, objective, data.train), data, least_motion(recordings))
+    model = cast(model, data.train.q.dtype)
+
+    def residuals(batch: Batch) -> Float[np.ndarray, "B n"]:
+        return np.asarray(evaluate_residuals(model, data.objective, batch))[:, 0]
+
+    bound = _bound(residuals(data.train), data, least_motion(recordings))
     horizon = data.train.ts.shape[1] - 1
     stride = max(1, horizon // _STRIDES)
     found, total, disturbed = [], 0, 0
@@ -152,8 +134,7 @@ def find_disturbances(
         every = windows([recording], horizon, stride=stride)
         starts = np.arange(len(every)) * stride
         known = _overlaps(recording, starts, horizon, left_out)
-        residuals = _residuals(model, objective, Batch.of(every, data.train.q.dtype))
-        far = (np.abs(residuals) > bound).any(axis=1) & ~known
+        far = (np.abs(residuals(Batch.of(every, data.train.q.dtype))) > bound).any(axis=1) & ~known
         total, disturbed = total + int(np.sum(~known)), disturbed + int(np.sum(far))
         found.extend(_spans(recording, starts[far], horizon))
     return found if disturbed <= _SELDOM * total else []
@@ -185,19 +166,6 @@ def _overlaps(recording: Trajectory, starts: np.ndarray, horizon: int, spans: Se
     name_of = whole_name(recording.name)
     inside = [(first <= end) & (last >= start) for name, start, end in spans if name == name_of]
     return np.any([np.zeros(len(starts), bool), *inside], axis=0)
-
-
-def _residuals(model: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Float[np.ndarray, "B n"]:
-    """What is unexplained in each of many windows."""
-    total = batch.ts.shape[0]
-    blocks = (filled(start, _BLOCK, total) for start in range(0, total, _BLOCK))
-    return np.concatenate([np.asarray(_block(model, objective, batch.take(block))) for block in blocks])[:total]
-
-
-@eqx.filter_jit
-def _block(model: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Float[Array, "B n"]:
-    """`_residuals` of a block, compiled."""
-    return jax.vmap(lambda window: objective.residuals(model, window)[0])(batch)
 
 
 def _spans(recording: Trajectory, starts: np.ndarray, horizon: int) -> Iterator[Span]:

@@ -24,7 +24,6 @@ from symoden.wording import number, spans_in_words
 
 from ._adam_stage import AdamStage
 from ._config import TrainingConfig
-from ._disturbances import Disturbed
 from ._ensemble import FEWEST_MEMBERS, Ensemble, Pattern, check_members, train_members
 from ._first_guess import as_heavy
 from ._flatten import cast, freed
@@ -231,22 +230,23 @@ def _trained(
         counts = [stage.data.train.ts.shape[0] for stage in prepared.stages if isinstance(stage, LevenbergStage)]
         check_members(members, config, min(counts, default=0))
         stages, screening = prepared.stages, prepared.screening
-        try:
-            state, findings = run(stages, prepared.state, journal, resume=resume, watch=watch, screening=screening)
-        except Disturbed as disturbed:
-            message = (
-                f"`{dataset.name}`: left out of training is {spans_in_words(disturbed.spans)}: there something moves "
-                "the machine that neither its inputs nor the model explains, as a push, a stop or a wrong sample does. "
-                "Training begins anew without; `TrainingConfig(left_out=())` in Python keeps everything."
-            )
-            warnings.warn(message, DataWarning, stacklevel=3)
-            before = prepared, config, disturbed.state, disturbed.findings
-            journal = dataclasses.replace(journal, left_out=disturbed.spans, rounds=journal.rounds - 1)
-            resume = False
-            continue
-        if before is not None and state.stage <= before[2].stage < len(stages):  # Stopped long before it is as good.
-            return *before[:3], before[3]._replace(outcome=findings.outcome)
-        return prepared, config, state, findings
+        state, findings, disturbed = run(
+            stages, prepared.state, journal, resume=resume, watch=watch, screening=screening
+        )
+        if not disturbed:
+            break
+        message = (
+            f"`{dataset.name}`: left out of training is {spans_in_words(disturbed)}: there something moves "
+            "the machine that neither its inputs nor the model explains, as a push, a stop or a wrong sample does. "
+            "Training begins anew without; `TrainingConfig(left_out=())` in Python keeps everything."
+        )
+        warnings.warn(message, DataWarning, stacklevel=3)
+        before = prepared, config, state, findings
+        journal = dataclasses.replace(journal, left_out=disturbed, rounds=journal.rounds - 1)
+        resume = False
+    if before is not None and state.stage <= before[2].stage < len(stages):  # Stopped long before it is as good.
+        return *before[:3], before[3]._replace(outcome=findings.outcome)
+    return prepared, config, state, findings
 
 
 def _refuse_other_types(dataset: object, model: object, config: object) -> None:

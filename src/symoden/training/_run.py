@@ -14,7 +14,7 @@ from symoden.wording import first_few, number
 
 from ._checkpoint import load_checkpoint, read_left_out, read_progress, save_checkpoint
 from ._config import Span
-from ._disturbances import Disturbed, Screening
+from ._disturbances import Screening
 from ._stages import AbstractStage, Clock, OutOfTime, never
 from ._state import Findings, TrainingState
 
@@ -265,7 +265,7 @@ def run(
     resume: bool,
     watch: Stopwatch,
     screening: Screening | None = None,
-) -> tuple[TrainingState, Findings]:
+) -> tuple[TrainingState, Findings, tuple[Span, ...]]:
     """Go through the stages.
 
     Args:
@@ -277,10 +277,8 @@ def run(
         screening: What looks for disturbances by the way, if anything.
 
     Returns:
-        The last state, and how it ended and the verdicts on stages, those before a resumption too.
-
-    Raises:
-        Disturbed: If the screening finds disturbances.
+        The last state; how it ended and the verdicts on stages, those before a resumption too; and all spans to leave
+        out, if the screening has found more of them, at which it ends.
     """
     findings, lines = Findings.none(), []
     if resume:
@@ -293,7 +291,7 @@ def run(
         try:
             state, report = stage.advance(state, is_over)
         except OutOfTime:
-            return _cut_short(stages, state, findings, watch)
+            return *_cut_short(stages, state, findings, watch), ()
         disturbed: tuple[Span, ...] = ()
         is_over, seconds = watch.is_up, watch.seconds
         done = stage.name, state.step, stage.steps, report.loss, report.validation, seconds
@@ -304,18 +302,17 @@ def run(
             # Why a stage was skipped says nothing of the training.
             findings = findings._replace(outcome=report.outcome) if state.step else findings
             ended, state = state.stage, _next(stages, state)
-            looks = screening is not None and ended in screening.stages
-            disturbed = screening(state) if screening is not None and looks else ()
+            disturbed = () if screening is None else screening.after(ended, state)
         if not disturbed:  # Else a run that goes on finds it again.
             journal.write(stages, state, findings, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             watch.report(now)
         over = watch.is_over()
         if disturbed:  # Where the time is over, too: a first stride without these spans is what a run goes on with.
-            raise Disturbed(disturbed, state, findings)
+            return state, findings, disturbed
         if over and state.stage < len(stages):
-            return _cut_short(stages, state, findings, watch)
-    return state, findings
+            return *_cut_short(stages, state, findings, watch), ()
+    return state, findings, ()
 
 
 def _cut_short(

@@ -98,8 +98,6 @@ def find_spikes(log: Log, is_angle: np.ndarray) -> tuple[Spikes, ...]:
     """
     rows = np.flatnonzero(log.complete)
     found = _of_positions(log, rows, is_angle)
-    if log.rates is None:
-        return found
     # Rates are often differences of positions: a wrong one makes two of them wrong, that beside it seemingly right.
     return (*found, *_of_rates(log, np.setdiff1d(rows, rows_of(found)), is_angle))
 
