@@ -24,7 +24,7 @@ from symoden.storage import StorageError
 from symoden.systems import Pendulum
 from symoden.training import TrainingConfig, _disturbances, _fit, fit, hold_out
 from symoden.training._data import Data, levenberg_data, regression_data
-from symoden.training._disturbances import _bound, find_disturbances
+from symoden.training._disturbances import _bound, disturbed_spans
 from symoden.training._objective import Batch
 from symoden.training._prepare import prepare
 from symoden.training._weak_form import WeakForm
@@ -68,7 +68,7 @@ def found_in(dataset, model=SYSTEM, left_out=()):
     with jax.enable_x64(True):
         data = regression_data(hold_out(dataset, CONFIG), model, CONFIG)
         assert data is not None
-        return find_disturbances(model, data, dataset.train, left_out)
+        return disturbed_spans(model, data, dataset.train, left_out)
 
 
 @settings(max_examples=15)
@@ -152,10 +152,10 @@ def test_what_was_held_out_before_is_looked_at_by_its_whole_name():
     with jax.enable_x64(True):
         data = regression_data(split, SYSTEM, CONFIG)
         assert data is not None
-        spans = find_disturbances(SYSTEM, data, every)
+        spans = disturbed_spans(SYSTEM, data, every)
     assert [name for name, _, _ in spans] == ["run1"]
     assert sum(map(len, without_spans(split, spans).validation)) < sum(map(len, split.validation))
-    assert find_disturbances(SYSTEM, data, every, spans) == []
+    assert disturbed_spans(SYSTEM, data, every, spans) == []
 
 
 def test_what_judges_is_as_long_as_before_or_other_recordings_do():
@@ -272,13 +272,13 @@ def test_a_run_goes_on_with_what_it_left_out_and_nothing_else(pushed, trained):
 
 
 def found_twice(model, data, recordings, left_out):
-    """In place of `find_disturbances`: one span, and another one once that is left out."""
+    """In place of `disturbed_spans`: one span, and another one once that is left out."""
     del model, data, recordings
     return [("run0", 102.0, 102.5), ("run1", 104.0, 104.5)][len(left_out) :][:1]
 
 
 def test_what_is_small_is_found_in_a_round_of_its_own_also_by_a_run_in_strides(tmp_path, in_strides, monkeypatch):
-    monkeypatch.setattr(_disturbances, "find_disturbances", found_twice)
+    monkeypatch.setattr(_disturbances, "disturbed_spans", found_twice)
     dataset = swings(0, {})
     with pytest.warns(DataWarning, match="Training begins anew"):
         whole = fit(dataset, model=MODEL, config=BRIEF)
@@ -290,7 +290,7 @@ def test_what_is_small_is_found_in_a_round_of_its_own_also_by_a_run_in_strides(t
 
 
 def test_a_run_that_is_killed_before_it_begins_anew_finds_it_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(_disturbances, "find_disturbances", found_twice)
+    monkeypatch.setattr(_disturbances, "disturbed_spans", found_twice)
     dataset, prepared = swings(0, {}), []
 
     def prepare_once(*arguments, **settings):
@@ -312,7 +312,7 @@ def test_a_run_that_is_killed_before_it_begins_anew_finds_it_again(tmp_path, mon
 
 
 def test_a_run_that_ends_soon_after_it_began_anew_has_the_model_from_before(monkeypatch):
-    monkeypatch.setattr(_disturbances, "find_disturbances", found_twice)
+    monkeypatch.setattr(_disturbances, "disturbed_spans", found_twice)
     dataset = swings(0, {})
 
     def stop_after(name, times):

@@ -67,6 +67,7 @@ class Train:
         members: Also train this many models like it, from other initial weights on windows drawn with replacement: how
             they scatter makes the bands of `inspect`, `evaluate`, `predict` and `report`. At least 2, better 8; with
             --resume they are added to a run that has ended, or to those that it has.
+        keep_disturbed: Train on everything, also on moments that something else than the inputs moves, such as a push.
         resume: Continue the run in the folder, with its settings.
         max_minutes: Stop after this time with the best model so far, or ten seconds later where a stage had to be
             compiled. What takes longer in one piece, as judging by windows left out in turn may, is left to the next
@@ -83,6 +84,7 @@ class Train:
     trajectories: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: the task's)")] = None
     noise: Annotated[float | None, arg(metavar="S", help_behavior_hint="(default: 0)")] = None
     members: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: 0)")] = None
+    keep_disturbed: bool = False
     resume: bool = False
     max_minutes: Annotated[float | None, arg(metavar="M", help_behavior_hint="(default: no limit)")] = None
     general: General = field(default_factory=General)

@@ -26,15 +26,15 @@ def run(command: Evaluate) -> None:
     model = read_model(command.run)
     name_unfinished(config)
     source = own_source(config) if command.source is None else read_run_source(config, command.source)
-    scores = report_scores(model, config, source, json=command.general.json).values
+    scores = report_scores(model, config, source, json=command.general.json)
     bands, score, missing = _bands(command, config, model, source) if command.bands else (None, None, "")
     if bands is not None:
         name_untold_inputs(command.run, model, config, bands.posterior)
     if command.figure is not None:
-        save_figure(draw_unseen(model, config, source.dataset, bands), command.figure)
+        save_figure(draw_unseen(model, config, source.dataset, bands, scores.disturbed), command.figure)
     if command.general.json:
         found = {"unavailable": missing} if score is None else asdict(score)
-        print_json(scores | {"bands": found} if command.bands else scores)
+        print_json(scores.values | ({"bands": found} if command.bands else {}))
         return
     if command.bands:
         print(f"\n{f'no bands: {missing}' if score is None else band_words(score)}")

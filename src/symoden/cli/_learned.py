@@ -31,6 +31,7 @@ from symoden.models import StructuredModel
 from symoden.training import AbstractPosterior, hold_out
 from symoden.units import titled
 
+from ._disturbed import Disturbed
 from ._progress import show_work
 from ._warnings import said_before
 
@@ -232,7 +233,9 @@ def name_untold_inputs(run: Path, model: AbstractDynamics, config: RunConfig, po
         )
 
 
-def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, bands: Bands | None) -> Any:  # noqa: ANN401
+def draw_unseen(
+    model: AbstractDynamics, config: RunConfig, dataset: Dataset, bands: Bands | None, disturbed: Disturbed = ()
+) -> Any:  # noqa: ANN401 - only `report` knows matplotlib
     """Figure of the first recordings that were not trained on, with rollouts along them.
 
     Args:
@@ -240,12 +243,17 @@ def draw_unseen(model: AbstractDynamics, config: RunConfig, dataset: Dataset, ba
         config: Settings of the run.
         dataset: Recordings.
         bands: Bands, if they are to be drawn.
+        disturbed: Spans of test recordings that are marked; of training recordings those are that were left out.
 
     Returns:
         The figure.
     """
     from symoden.report import draw_recorded
 
-    chosen = unseen(dataset)[1][:MOST_DRAWN]
+    split, recordings = unseen(dataset)
+    if split == "train":
+        disturbed = (config.training.left_out or ()) if dataset.digest == config.data.digest else ()
+    chosen = recordings[:MOST_DRAWN]
     paths = recorded_paths(model, chosen, hold=dataset.hold, solver=evaluation_solver(config), bands=bands)
-    return draw_recorded(paths, list(map(titled, config.data.position_names, dataset.position_units)))
+    spans = [[span for name, *span in disturbed if name == each.name] for each in chosen]
+    return draw_recorded(paths, list(map(titled, config.data.position_names, dataset.position_units)), spans)

@@ -13,6 +13,7 @@ from symoden.storage import StorageError
 from symoden.wording import number
 
 from ._arguments import Report
+from ._disturbed import disturbed_words
 from ._learned import MOST_DRAWN, Learned, draw_unseen, unseen
 from ._output import TableText, print_json
 from ._scores import scores_of
@@ -73,12 +74,12 @@ def _predictions(learned: Learned) -> Iterator["PageSection"]:
         bands, words = None, [str(error)]
     drawn = min(MOST_DRAWN, len(recordings))
     scores = scores_of(model, config, learned.source)
-    if scores.warning:
-        words.insert(0, f"Warning: {scores.warning}")
+    said = filter(None, (scores.warning, disturbed_words(scores.disturbed)))
+    words[:0] = [f"Warning: {each}" for each in said]
     yield PageSection(
         heading="Predictions",
         words=words,
-        figure=draw_unseen(model, config, dataset, bands),
+        figure=draw_unseen(model, config, dataset, bands, scores.disturbed),
         caption=f"The first {drawn} of {len(recordings)} {split} recordings, and rollouts along them.",
         tables=[_text(scores.table)],
     )

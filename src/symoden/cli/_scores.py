@@ -14,6 +14,7 @@ from symoden.experiments import MeanStd, RunConfig, Source, Task, TaskScore, eva
 from symoden.mechanics import AbstractDynamics
 from symoden.wording import first_few, number
 
+from ._disturbed import Disturbed, disturbed_tests, disturbed_words
 from ._output import TableText, print_table
 
 _ERRORS = ("train", "test", "prediction")
@@ -38,12 +39,14 @@ class Scores(NamedTuple):
         table: As they are printed.
         warning: What to say of them; mostly nothing.
         share: How far predictions over short windows are off, relative to how far positions move; NaN without any.
+        disturbed: Spans of test recordings that spoil them.
     """
 
     values: dict[str, object]
     table: TableText
     warning: str = ""
     share: float = math.nan
+    disturbed: Disturbed = ()
 
 
 def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> Scores:
@@ -61,8 +64,8 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
     scores = scores_of(model, config, source)
     if not json:
         print_table(*scores.table)
-    if scores.warning:
-        print(f"warning: {scores.warning}", file=sys.stderr)
+    for words in filter(None, (scores.warning, disturbed_words(scores.disturbed))):
+        print(f"warning: {words}", file=sys.stderr)
     if source.task is None and not source.dataset.test:
         print(
             "no recording is kept for testing: name some under [test] to see how others are predicted", file=sys.stderr
@@ -235,11 +238,13 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
     solver = evaluation_solver(config)
     if source.task is None:
         recordings = score_recordings(model, undisturbed(config, source.dataset), solver=solver)
+        disturbed = disturbed_tests(model, config, source)
         return Scores(
-            {"recordings": [asdict(recording) for recording in recordings]},
+            {"recordings": [asdict(recording) for recording in recordings], "disturbed": disturbed},
             _recordings(recordings, source.dataset.position_units, config.data.position_names),
             poor(recordings) or by_heart(recordings) or diverging(recordings) or running_away(recordings),
             share_of_motion(recordings),
+            disturbed,
         )
     score = score_task(model, source, solver=solver)
     errors = {f"{name}_error": getattr(score, name)._asdict() for name in _ERRORS}

@@ -138,7 +138,7 @@ def _new(command: Train) -> tuple[RunConfig, Source]:
         noise=noise,
         members=command.members or 0,
         model=model,
-        training=dataclasses.replace(training, seed=seed),
+        training=dataclasses.replace(training, seed=seed, left_out=() if command.keep_disturbed else None),
         data=summarize(source.dataset),
     )
     return config, source
@@ -155,6 +155,7 @@ def _continued(command: Train) -> tuple[RunConfig, Source]:
         "--seed": (command.seed, config.seed),
         "--trajectories": (command.trajectories, config.trajectories),
         "--noise": (command.noise, config.noise),
+        "--keep-disturbed": (command.keep_disturbed or None, config.training.left_out == ()),
     }
     for option, (given, saved) in asked.items():
         if given is not None and given != saved:

@@ -15,15 +15,20 @@ from ._style import COLOURS, INK, LABEL, SMALL, clock, since, tidy, wrapped
 
 _PANEL: Final = (4.6, 1.7)  # inches
 _BAND: Final = 0.25
+_GREY: Final = "0.5"
+_SHADE: Final = 0.3
 _ROOM: Final = 0.15  # Above and below what was measured, relative to its range.
 
 
-def draw_recorded(recordings: Sequence[RecordedPaths], titles: Sequence[str]) -> Figure:
+def draw_recorded(
+    recordings: Sequence[RecordedPaths], titles: Sequence[str], disturbed: Sequence[Sequence[Sequence[float]]] = ()
+) -> Figure:
     """Draw each coordinate of each recording over time, with rollouts.
 
     Args:
         recordings: What to draw, a row for each; at least one.
         titles: What to call the coordinates, a column for each.
+        disturbed: Of each recording the spans [s] in which it is disturbed; without any, none is marked.
 
     Returns:
         A figure of its own size.
@@ -31,9 +36,14 @@ def draw_recorded(recordings: Sequence[RecordedPaths], titles: Sequence[str]) ->
     width, height = (size * count + 0.8 for size, count in zip(_PANEL, (len(titles), len(recordings)), strict=True))
     figure = Figure(figsize=(width, height), layout="constrained")
     panels = figure.subplots(len(recordings), len(titles), squeeze=False)
-    for row, recording in zip(panels, recordings, strict=True):
+    marked = disturbed or [()] * len(recordings)
+    for row, recording, spans in zip(panels, recordings, marked, strict=True):
         for index, ax in enumerate(row):
             plot_recorded(recording, index, ax=ax)
+            for start, end in spans:
+                ax.axvspan(
+                    start - since(recording.ts), end - since(recording.ts), color=_GREY, alpha=_SHADE, linewidth=0
+                )
         row[0].set_ylabel(wrapped(recording.name), fontsize=SMALL)
     for ax, title in zip(panels[0], titles, strict=True):
         ax.set_title(title, fontsize=LABEL)
@@ -46,6 +56,8 @@ def draw_recorded(recordings: Sequence[RecordedPaths], titles: Sequence[str]) ->
     if any(recording.windows for recording in recordings):
         label = "rollouts of up to 1 s from measured states, with 90 % bands"
         handles.append(Patch(facecolor=COLOURS[0], alpha=2 * _BAND, label=label))
+    if any(map(len, disturbed)):
+        handles.append(Patch(facecolor=_GREY, alpha=_SHADE, label="disturbed"))
     figure.legend(handles=handles, fontsize=LABEL, frameon=False, loc="outside lower center")
     return figure
 

@@ -2,6 +2,7 @@
 
 from ._config import TrainingConfig as TrainingConfig
 from ._data import hold_out as hold_out
+from ._disturbances import find_disturbances as find_disturbances
 from ._ensemble import (
     FEWEST_MEMBERS as FEWEST_MEMBERS,
     Ensemble as Ensemble,
@@ -48,6 +49,7 @@ __all__ = [
     "TrainingConfig",
     "TrainingError",
     "check_members",
+    "find_disturbances",
     "find_first_state",
     "fit",
     "hold_out",

@@ -3,28 +3,34 @@
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
 from symoden.data import DataError, Dataset, Trajectory, least_motion, whole_name, windows, without_poor_ends
+from symoden.integrate import HOLDS, Hold
 from symoden.mechanics import AbstractDynamics
 
 from ._config import Span, TrainingConfig
 from ._data import Data, hold_out, regression_data
 from ._flatten import cast
 from ._levenberg_stage import LevenbergStage
-from ._objective import Batch
+from ._line_up import can_regress
+from ._objective import AbstractObjective, Batch
 from ._residuals import evaluate_residuals
 from ._stages import AbstractStage
 from ._state import TrainingState
+from ._weak_form import WeakForm
 
 _USUAL: Final = 0.9  # Quantile of what a model leaves unexplained: two to three times the median.
 _FAR: Final = 8.0  # Times that: where it is much, machines without disturbances have 4.5 at most, pushes 10 to 500.
 _MUCH: Final = 0.5  # Of what velocities change by in a window: less does no harm.
 _ENOUGH: Final = 20  # Windows that tell what is usual.
 _SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
+_OFTEN: Final = 0.25  # Share of those of one recording that no model was fitted to: it is another machine, or load.
+_ALIKE: Final = 2.0  # Windows, or what is usual is so in others.
 _STRIDES: Final = 4  # Of a window, from one to the next.
 
 
@@ -58,7 +64,7 @@ class Screening:
             return ()
         known = self.config.left_out or ()
         recordings = tuple(map(without_poor_ends, (*self.dataset.train, *self.dataset.validation)))
-        more = find_disturbances(state.best, self.data, recordings, known)
+        more = disturbed_spans(state.best, self.data, recordings, known)
         if not more:
             return ()
         config = dataclasses.replace(self.config, left_out=(*known, *more))
@@ -101,17 +107,56 @@ def screening_of(
 
 
 def find_disturbances(
-    model: AbstractDynamics, data: Data, recordings: Sequence[Trajectory], left_out: Sequence[Span] = ()
-) -> list[Span]:
-    """Find where recordings move far otherwise than a model says, for a moment.
+    model: AbstractDynamics,
+    recordings: Sequence[Trajectory],
+    dataset: Dataset,
+    config: TrainingConfig | None = None,
+    *,
+    hold: str | None = None,
+) -> tuple[tuple[tuple[float, float], ...], ...]:
+    """Find where recordings that a model was not trained on move far otherwise than it says, for a moment.
 
-    By the equations of motion in weak form, from the states that were measured along a short window: a rollout that
-    goes astray tells nothing of when it began to. A window is disturbed if far more of a coordinate's change of
-    velocity is unexplained than is usual where it moves, and much. Where that is so often, the model is at fault, and
-    nothing is found.
+    By what is usual of those that it was trained on, in the same way as training looks for what to leave out. It is
+    what inputs do not tell (a push, a stop, a wrong sample), or what training has not seen.
 
     Args:
-        model: A model that was fitted to the recordings.
+        model: What `fit` found.
+        recordings: Others of the same mechanism.
+        dataset: What it was fitted to.
+        config: With which settings; those of `FitResult.config`.
+        hold: What an input of these recordings is between samples; as in `dataset`, if absent.
+
+    Returns:
+        Of each recording the spans, begin and end in its own time [s]; none where there is no telling: of models
+        without M, V, g and D, of momenta, of recordings shorter than a window or with steps of another length, and
+        where a quarter of one is so.
+
+    Raises:
+        DataError: As `hold_out` does.
+    """
+    config = TrainingConfig() if config is None else config
+    none = tuple(() for _ in recordings)
+    with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
+        if not recordings or not can_regress(model, config):
+            return none
+        held = hold_out(dataset, config)
+        data = regression_data(held, model, config)
+        if data is None:
+            return none
+        usual = _Usual.of(model, data, (*held.train, *held.validation))
+        looked = [usual.look(each, HOLDS[hold or dataset.hold]) for each in map(without_poor_ends, recordings)]
+    return tuple(each.spans if each.disturbed <= _OFTEN * each.windows else () for each in looked)
+
+
+def disturbed_spans(
+    model: AbstractDynamics, data: Data, recordings: Sequence[Trajectory], left_out: Sequence[Span] = ()
+) -> list[Span]:
+    """Find where recordings that a model was fitted to move far otherwise than it says, for a moment.
+
+    Where that is so often, the model is at fault, and nothing is found.
+
+    Args:
+        model: The model.
         data: Windows of the weak form, for what is usual.
         recordings: Where to look.
         left_out: Where not to: spans of them.
@@ -119,25 +164,69 @@ def find_disturbances(
     Returns:
         Spans of the recordings that are disturbed, by name and in their own time [s].
     """
-    model = cast(model, data.train.q.dtype)
+    usual = _Usual.of(model, data, recordings)
+    looked = [usual.look(each, left_out=left_out) for each in recordings]
+    if sum(each.disturbed for each in looked) > _SELDOM * sum(each.windows for each in looked):
+        return []
+    return [
+        (whole_name(recording.name), *span)
+        for recording, each in zip(recordings, looked, strict=True)
+        for span in each.spans
+    ]
 
-    def residuals(batch: Batch) -> Float[np.ndarray, "B n"]:
-        return np.asarray(evaluate_residuals(model, data.objective, batch))[:, 0]
 
-    bound = _bound(residuals(data.train), data, least_motion(recordings))
-    horizon = data.train.ts.shape[1] - 1
-    stride = max(1, horizon // _STRIDES)
-    found, total, disturbed = [], 0, 0
-    for recording in recordings:
+class _Looked(NamedTuple):
+    """What was found in a recording: spans, and how many of its windows are disturbed."""
+
+    spans: tuple[tuple[float, float], ...] = ()
+    disturbed: int = 0
+    windows: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Usual:
+    """What a model usually leaves unexplained of its recordings.
+
+    By the equations of motion in weak form, from the states that were measured along a short window: a rollout that
+    goes astray tells nothing of when it began to. A window is disturbed if far more of a coordinate's change of
+    velocity is unexplained than is usual where it moves, and much.
+    """
+
+    model: AbstractDynamics
+    data: Data
+    bound: Float[np.ndarray, " n"]
+
+    @classmethod
+    def of(cls, model: AbstractDynamics, data: Data, recordings: Sequence[Trajectory]) -> "_Usual":
+        """By windows of recordings, of which the motion of joints that rest is told apart from noise."""
+        model = cast(model, data.train.q.dtype)
+        return cls(model, data, _bound(_residuals(model, data.objective, data.train), data, least_motion(recordings)))
+
+    def look(self, recording: Trajectory, hold: Hold | None = None, left_out: Sequence[Span] = ()) -> _Looked:
+        """Look at a recording, by its own `hold` if it has another, but not at spans of it."""
+        ts = np.asarray(self.data.train.ts)
+        horizon = ts.shape[1] - 1
         if len(recording) <= horizon:
-            continue
+            return _Looked()
+        length, usual = np.median(recording.ts[horizon:] - recording.ts[:-horizon]), np.median(np.ptp(ts, axis=1))
+        if not usual / _ALIKE < length < usual * _ALIKE:
+            return _Looked()
+        objective = self.data.objective
+        if hold is not None and isinstance(objective, WeakForm):
+            objective = dataclasses.replace(objective, hold=hold)
+        stride = max(1, horizon // _STRIDES)
         every = windows([recording], horizon, stride=stride)
         starts = np.arange(len(every)) * stride
         known = _overlaps(recording, starts, horizon, left_out)
-        far = (np.abs(residuals(Batch.of(every, data.train.q.dtype))) > bound).any(axis=1) & ~known
-        total, disturbed = total + int(np.sum(~known)), disturbed + int(np.sum(far))
-        found.extend(_spans(recording, starts[far], horizon))
-    return found if disturbed <= _SELDOM * total else []
+        residuals = _residuals(self.model, objective, Batch.of(every, self.data.train.q.dtype))
+        far = (np.abs(residuals) > self.bound).any(axis=1) & ~known
+        spans = tuple(_spans(recording, starts[far], horizon))
+        return _Looked(spans, int(np.sum(far)), int(np.sum(~known)))
+
+
+def _residuals(model: AbstractDynamics, objective: AbstractObjective, batch: Batch) -> Float[np.ndarray, "B n"]:
+    """What is left of each coordinate's change of velocity in windows, relative."""
+    return np.asarray(evaluate_residuals(model, objective, batch))[:, 0]
 
 
 def _bound(residuals: Float[np.ndarray, "B n"], data: Data, least: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -168,7 +257,7 @@ def _overlaps(recording: Trajectory, starts: np.ndarray, horizon: int, spans: Se
     return np.any([np.zeros(len(starts), bool), *inside], axis=0)
 
 
-def _spans(recording: Trajectory, starts: np.ndarray, horizon: int) -> Iterator[Span]:
+def _spans(recording: Trajectory, starts: np.ndarray, horizon: int) -> Iterator[tuple[float, float]]:
     """Spans that hold what disturbs windows: from the middle of the first one in a row to that of the last, and more.
 
     Yields:
@@ -178,4 +267,4 @@ def _spans(recording: Trajectory, starts: np.ndarray, horizon: int) -> Iterator[
         if len(row):
             # Under a bump, what is at its ends hardly counts.
             first, last = row[0] + horizon // 4, row[-1] + horizon - horizon // 4
-            yield whole_name(recording.name), float(recording.ts[first]), float(recording.ts[last])
+            yield float(recording.ts[first]), float(recording.ts[last])

@@ -238,7 +238,7 @@ def _trained(
         message = (
             f"`{dataset.name}`: left out of training is {spans_in_words(disturbed)}: there something moves "
             "the machine that neither its inputs nor the model explains, as a push, a stop or a wrong sample does. "
-            "Training begins anew without; `TrainingConfig(left_out=())` in Python keeps everything."
+            "Training begins anew without; `train --keep-disturbed`, in Python `TrainingConfig(left_out=())`, keeps it."
         )
         warnings.warn(message, DataWarning, stacklevel=3)
         before = prepared, config, state, findings
