@@ -5,8 +5,8 @@ import json
 
 import pytest
 
-from symoden.cli import main
-from symoden.experiments import TrainingSummary, read_run, read_run_source, undisturbed, write_run
+from symoden.cli import _disturbed, _learned, main
+from symoden.experiments import TrainingSummary, read_model, read_run, read_run_source, undisturbed, write_run
 
 from .conftest import write_untrained_run
 
@@ -47,3 +47,73 @@ def test_other_data_are_scored_as_they_are(run):
 def test_inspect_names_it(run, capsys):
     assert main(["inspect", str(run)]) == 0
     assert "left out of training, as disturbed: `a` from 0.98 to 1.22 s" in capsys.readouterr().out
+
+
+@pytest.fixture
+def pushed(monkeypatch):
+    """What is found of any test recordings: the first one is pushed."""
+    asked = []
+
+    def found(model, recordings, dataset, config, *, hold):
+        asked.append((dataset, config.left_out, hold))
+        return ((SPAN[1:],), *[()] * (len(recordings) - 1))
+
+    monkeypatch.setattr(_disturbed, "find_disturbances", found)
+    return asked
+
+
+def test_disturbances_of_test_recordings_are_named_and_marked(run, described, pushed, tmp_path, capsys):
+    assert main(["evaluate", str(run), "--json"]) == 0
+    printed = capsys.readouterr()
+    answer = json.loads(printed.out.splitlines()[-1])
+    assert answer["disturbed"] == [["b", *SPAN[1:]]]
+    assert answer["recordings"][-1]["samples"] == 60  # Nothing is left out.
+    assert "warning: `b` from 0.98 to 1.22 s, of test recordings: something moves the machine" in printed.err
+    assert main(["report", str(run), "--out", str(tmp_path / "page.html")]) == 0
+    assert "Warning: `b` from 0.98 to 1.22 s, of test recordings" in (tmp_path / "page.html").read_text()
+    capsys.readouterr()
+    other = described.with_name("other.toml")
+    other.write_text(described.read_text().replace("space", 'hold = "linear"\nspace'))
+    assert main(["evaluate", str(run), str(other)]) == 0
+    assert "`b` from 0.98" in capsys.readouterr().err
+    own = read_run_source(read_run(run)).dataset
+    assert [(dataset.digest, spans, hold) for dataset, spans, hold in pushed] == [
+        (own.digest, (SPAN,), hold) for hold in ("zero", "zero", "linear")
+    ]
+
+
+def test_nothing_is_looked_for_without_the_runs_data_or_in_a_task(run, described, pushed, task_run):
+    config, model = read_run(run), read_model(run)
+    source = read_run_source(config)
+    changed = dataclasses.replace(config, data=dataclasses.replace(config.data, digest="other"))
+    gone = dataclasses.replace(changed, source=str(described.with_name("gone.toml")))
+    unfinished = dataclasses.replace(config, trained=None)
+    untested = dataclasses.replace(source, dataset=dataclasses.replace(source.dataset, test=()))
+    for each in (changed, gone, unfinished):
+        assert _disturbed.disturbed_tests(model, each, source) == ()
+    assert _disturbed.disturbed_tests(model, config, untested) == ()
+    task = dataclasses.replace(read_run(task_run), trained=config.trained)
+    assert _disturbed.disturbed_tests(model, task, read_run_source(task)) == ()
+    assert pushed == []
+    assert _disturbed.disturbed_tests(model, config, source) == (("b", *SPAN[1:]),)
+
+
+def test_figures_mark_what_was_left_out_where_only_training_is_drawn(run):
+    config, model = read_run(run), read_model(run)
+    dataset = read_run_source(config).dataset
+
+    def marked(dataset, disturbed=()):
+        drawn = _learned.draw_unseen(model, config, dataset, None, disturbed)
+        return [len(ax.patches) for ax in drawn.axes], [text.get_text() for text in drawn.legends[0].get_texts()]
+
+    counts, words = marked(dataset, (("b", 0.1, 0.3), ("b", 0.5, 0.6), ("c", 0.1, 0.2)))
+    assert counts == [2]
+    assert words[-1] == "disturbed"
+    counts, words = marked(dataset)
+    assert counts == [0]
+    assert "disturbed" not in words
+    untested = dataclasses.replace(dataset, test=())
+    known = dataclasses.replace(config, data=dataclasses.replace(config.data, digest=untested.digest))
+    drawn = _learned.draw_unseen(model, known, untested, None)
+    assert [len(ax.patches) for ax in drawn.axes] == [1]
+    assert marked(untested)[0] == [0]  # Other data, of the same name.

@@ -103,6 +103,15 @@ def test_train_says_what_it_does_and_how_well_it_did(arm, tmp_path, capsys):
     assert f"the run is in {tmp_path / 'run'}" in printed.out.splitlines()[-1]
 
 
+def test_training_is_told_to_keep_what_is_disturbed(arm, trained, tmp_path, capsys):
+    assert main(["train", str(arm), "--out", str(tmp_path / "run"), "--keep-disturbed"]) == 0
+    assert read_run(tmp_path / "run").training.left_out == ()
+    assert main(["train", "--out", str(tmp_path / "run"), "--keep-disturbed", "--resume"]) == 0
+    capsys.readouterr()
+    assert main(["train", "--out", str(trained), "--keep-disturbed", "--resume"]) == 2
+    assert "`--keep-disturbed` must be that of the run" in capsys.readouterr().err
+
+
 def test_train_gives_one_object_with_the_scores(tmp_path, capsys):
     words = [
         "train",

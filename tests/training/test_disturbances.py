@@ -22,7 +22,7 @@ from symoden.integrate import HOLDS, RK4, rollout
 from symoden.models import KINDS, BlockConfig, ModelConfig
 from symoden.storage import StorageError
 from symoden.systems import Pendulum
-from symoden.training import TrainingConfig, _disturbances, _fit, fit, hold_out
+from symoden.training import TrainingConfig, _disturbances, _fit, find_disturbances, fit, hold_out
 from symoden.training._data import Data, levenberg_data, regression_data
 from symoden.training._disturbances import _bound, disturbed_spans
 from symoden.training._objective import Batch
@@ -89,6 +89,45 @@ def test_a_push_is_found_where_it_is_and_nothing_else(seed, at, length, size, si
     assert end - start < STEP * length + 0.8
     assert found_in(dataset, left_out=[(name, start, end)]) == []
     assert found_in(swings(seed, {}, noise)) == []
+
+
+def others(pushes=(), noise=1e-3):
+    """A recording of the same pendulum that nothing was trained on."""
+    return swing("other", np.random.default_rng(77), pushes, noise)
+
+
+@pytest.mark.parametrize(("at", "length"), [(100, 5), (300, 60)])
+def test_recordings_of_a_test_are_disturbed_where_they_are_pushed(at, length):
+    pushed, quiet, short = others([(at, at + length, 30.0)]), others(), others().cut(0, 8, name="short")
+    (span, *more), *none = find_disturbances(SYSTEM, [pushed, quiet, short], swings(0, {}))
+    assert more == []
+    assert none == [(), ()]
+    begin, end = (100 + STEP * row for row in (at, at + length))
+    assert begin - 0.3 < span[0] < begin + 0.1
+    assert end - 0.1 < span[1] < end + 0.3
+
+
+def test_a_recording_of_another_machine_or_clock_is_not_disturbed():
+    heavy = Pendulum(mass=4.0, damping=0.2)
+    assert find_disturbances(heavy, [others([(100, 105, 30.0)])], swings(0, {})) == ((),)  # The model is a poor one.
+    pushed = others([(100, 105, 30.0)])
+    backwards = dataclasses.replace(pushed, us=-3 * pushed.us)
+    assert find_disturbances(SYSTEM, [backwards], swings(0, {})) == ((),)
+    fast = dataclasses.replace(pushed, ts=100 + (pushed.ts - 100) / 4)
+    assert find_disturbances(SYSTEM, [fast], swings(0, {})) == ((),)
+    assert find_disturbances(SYSTEM, [], swings(0, {})) == ()
+
+
+def test_inputs_of_other_recordings_act_as_theirs_do():
+    rough = others()
+    us = np.where(np.arange(SIZE)[:, None] < SIZE - 15, rough.us, 400.0)
+    with jax.enable_x64(True):
+        start = map(jnp.asarray, (rough.q[0], rough.rates[0], rough.ts, us))
+        path = rollout(SYSTEM, *start, solver=RK4(4), hold=HOLDS["linear"])
+        steps = dataclasses.replace(rough, q=np.asarray(path.q), rates=np.asarray(path.rates), us=us)
+    ((span,),) = find_disturbances(SYSTEM, [steps], swings(0, {}), hold="zero")  # Half an interval of a large jump.
+    assert span[1] > rough.ts[-20]
+    assert find_disturbances(SYSTEM, [steps], swings(0, {}), hold="linear") == ((),)
 
 
 def test_a_wrong_velocity_is_found():

@@ -9,7 +9,6 @@ from symoden.mechanics import AbstractDynamics
 from symoden.training import find_disturbances
 from symoden.wording import spans_in_words
 
-from ._progress import show_work
 from ._warnings import said_before
 
 Disturbed: TypeAlias = tuple[tuple[str, float, float], ...]
@@ -32,8 +31,7 @@ def disturbed_tests(model: AbstractDynamics, config: RunConfig, source: Source) 
     dataset = source.dataset if source.dataset.digest == config.data.digest else _own(config)
     if dataset is None:
         return ()
-    with show_work("looking for disturbances of test recordings"):
-        found = find_disturbances(model, tests, dataset, config.training, hold=source.dataset.hold)
+    found = find_disturbances(model, tests, dataset, config.training, hold=source.dataset.hold)
     return tuple((each.name, *span) for each, spans in zip(tests, found, strict=True) for span in spans)
 
 

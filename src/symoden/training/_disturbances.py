@@ -17,12 +17,11 @@ from ._config import Span, TrainingConfig
 from ._data import Data, hold_out, regression_data
 from ._flatten import cast
 from ._levenberg_stage import LevenbergStage
-from ._line_up import can_regress
 from ._objective import AbstractObjective, Batch
 from ._residuals import evaluate_residuals
 from ._stages import AbstractStage
 from ._state import TrainingState
-from ._weak_form import WeakForm
+from ._weak_form import WeakForm, has_weak_form
 
 _USUAL: Final = 0.9  # Quantile of what a model leaves unexplained: two to three times the median.
 _FAR: Final = 8.0  # Times that: where it is much, machines without disturbances have 4.5 at most, pushes 10 to 500.
@@ -120,7 +119,7 @@ def find_disturbances(
     what inputs do not tell (a push, a stop, a wrong sample), or what training has not seen.
 
     Args:
-        model: What `fit` found.
+        model: What `fit` found, or another mechanical one.
         recordings: Others of the same mechanism.
         dataset: What it was fitted to.
         config: With which settings; those of `FitResult.config`.
@@ -128,8 +127,8 @@ def find_disturbances(
 
     Returns:
         Of each recording the spans, begin and end in its own time [s]; none where there is no telling: of models
-        without M, V, g and D, of momenta, of recordings shorter than a window or with steps of another length, and
-        where a quarter of one is so.
+        without M, V, g and D on velocities, of momenta, of recordings that are shorter than a window or have steps of
+        another length, and where a quarter of one is so.
 
     Raises:
         DataError: As `hold_out` does.
@@ -137,7 +136,7 @@ def find_disturbances(
     config = TrainingConfig() if config is None else config
     none = tuple(() for _ in recordings)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
-        if not recordings or not can_regress(model, config):
+        if not recordings or not has_weak_form(model):
             return none
         held = hold_out(dataset, config)
         data = regression_data(held, model, config)

@@ -5,9 +5,6 @@ import functools
 from collections.abc import Sequence
 from typing import Final
 
-import jax
-import jax.numpy as jnp
-
 from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, INERTIA, NETWORKS, POTENTIAL, count_parameters
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
@@ -32,6 +29,7 @@ from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
 from ._verdicts import CHANCE, CLEAR
+from ._weak_form import has_weak_form
 
 _MANY: Final = 3  # Coordinates.
 
@@ -104,10 +102,7 @@ def can_regress(dynamics: AbstractDynamics, config: TrainingConfig) -> bool:
     Returns:
         Whether it is so.
     """
-    if not isinstance(dynamics, StructuredModel) or not config.lm_steps:
-        return False
-    friction = jax.eval_shape(dynamics.dissipation_matrix, *jnp.zeros((2, dynamics.space.size)))
-    return friction.shape[0] == dynamics.space.size  # Not the paper's, on the full state.
+    return isinstance(dynamics, StructuredModel) and config.lm_steps > 0 and has_weak_form(dynamics)
 
 
 def _regression(

@@ -101,6 +101,21 @@ class WeakForm(AbstractObjective):
         return (self.weights * velocity * (window.ts[-1] - window.ts[0]) / (whole @ bump))[None]
 
 
+def has_weak_form(dynamics: AbstractDynamics) -> bool:
+    """Whether a model's equations of motion are those of `WeakForm`.
+
+    Args:
+        dynamics: Model.
+
+    Returns:
+        Whether it has energies, and friction on velocities alone, unlike the paper's on the full state.
+    """
+    if not isinstance(dynamics, AbstractMechanical):
+        return False
+    friction = jax.eval_shape(dynamics.dissipation_matrix, *jnp.zeros((2, dynamics.space.size)))
+    return friction.shape[0] == dynamics.space.size
+
+
 def _at_samples(begins: Float[Array, "h m"], ends: Float[Array, "h m"]) -> tuple[Float[Array, "h+1 m"], ...]:
     """Of every interval what begins and ends it, as what is right after and before each sample; zero beyond."""
     return jnp.pad(begins, [(0, 1), (0, 0)]), jnp.pad(ends, [(1, 0), (0, 0)])
