@@ -186,12 +186,14 @@ class Pattern(NamedTuple):
     Attributes:
         fresh: Makes an untrained model from the number of a draw.
         first: Stages that find the basin, in turn; none if the stage after them needs no such help.
+        shorter: Windows of stages before that one, from the shortest on: from afar, long rollouts end in other basins.
         stage: The stage that the trained model came from.
         state: The state at the end of training.
     """
 
     fresh: Callable[[int], AbstractDynamics]
     first: tuple[AbstractStage, ...]
+    shorter: tuple[Batch, ...]
     stage: LevenbergStage
     state: TrainingState
 
@@ -290,31 +292,35 @@ class _Member:
         Yields:
             After each step its number, the loss and the best parameters so far.
         """
-        stage = self.pattern.stage
-        data, config = stage.data, stage.config
         theta = first = self._flat(fresh := self.pattern.fresh(self.number))
         for loss, begun in self._sought(fresh):
             theta = self._flat(begun)
             yield _Trained(step=0, loss=loss, ended=False, best=np.asarray(theta))
         if self.loss(np.asarray(first)) < self.loss(np.asarray(theta)):  # A guess may be better than a regression.
             theta = first
+        for windows in self.pattern.shorter:
+            for done in self._fitted(theta, windows, final=False):
+                theta = jnp.asarray(done.best)
+                yield done._replace(ended=False)
+        yield from self._fitted(theta, self.windows, final=True)
+
+    def _fitted(self, theta: Float[Array, " P"], windows: Batch, *, final: bool) -> Iterator[_Trained]:
+        """Levenberg-Marquardt to the bottom.
+
+        Yields:
+            After each step its number, the loss and the best parameters so far.
+        """
+        stage, end = self.pattern.stage, self.pattern.state
+        data, config, priors = stage.data, stage.config, end.memory
         state, best, least, stale = LevenbergState(theta, config.damping), theta, math.inf, 0
-        final, priors = self.pattern.state, self.pattern.state.memory
         mean = self._mean(priors.precisions(self.restore(theta), stage.corrections))
+        # Learned priors keep from fitting noise; else the validation windows tell when to stop, as in training.
+        judges = data.validation if final and not data.in_turn and not stage.learns else None
         for step in range(self.steps):
             state, done = stage.step(
-                state,
-                self.restore,
-                self.windows,
-                substeps=final.substeps,
-                weighing=final.weighing,
-                priors=priors,
-                mean=mean,
+                state, self.restore, windows, substeps=end.substeps, weighing=end.weighing, priors=priors, mean=mean
             )
-            # Learned priors keep from fitting noise; else the validation windows tell when to stop, as in training.
-            judged = done.after
-            if data.validation is not None and not data.in_turn and not stage.learns:
-                judged = self._loss(np.asarray(state.theta), data.validation)
+            judged = done.after if judges is None else self._loss(np.asarray(state.theta), judges)
             stale = 0 if stage.gains(done, judged, least) else stale + 1
             if judged < least:
                 best, least = state.theta, judged

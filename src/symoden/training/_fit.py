@@ -321,6 +321,10 @@ def _pattern(
             first.setdefault(LevenbergStage, dataclasses.replace(stage, corrections=asked))
         elif isinstance(stage, AdamStage):
             first.setdefault(AdamStage, stage)
+    horizon = last.data.train.ts.shape[1]
+    rollouts = (each.data for each in stages if isinstance(each, LevenbergStage) and not each.regresses)
+    shorter = {each.train.ts.shape[1]: each.train for each in rollouts if not each.parted}
+    windows = tuple(shorter[length] for length in sorted(shorter) if length < horizon)
     draw = functools.partial(fresh, awake=bool(freed(state.best) & POTENTIAL))
     last = dataclasses.replace(last, corrections=kinds, frees=last.frees or bool(kinds & NETWORKS))
-    return Pattern(lambda number: draw(config.restarts + number), tuple(first.values()), last, state)
+    return Pattern(lambda number: draw(config.restarts + number), tuple(first.values()), windows, last, state)
