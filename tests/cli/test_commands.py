@@ -287,7 +287,7 @@ def test_a_coordinate_on_r_is_shown_in_what_it_is_measured_in(
     assert [ax.get_xlabel() for ax in panels] == [*[f"q{q}"] * 3, f"velocity of q{v}"]
     symbols = [f"M [{M}]", "V - min V [J]", f"D at half of the largest velocities [{D}]", f"friction [{force or 'N'}]"]
     assert [ax.get_title() for ax in panels] == symbols
-    drawn = _learned.draw_unseen(learned.model, learned.config, learned.source.dataset, None)
+    drawn = _learned.draw_unseen(learned.model, learned.config, learned.source.dataset, None, ())
     assert drawn.axes[0].get_title() == f"q{q}"
 
 

@@ -4,6 +4,8 @@ import dataclasses
 import json
 
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from symoden.cli import _disturbed, _learned, main
 from symoden.experiments import TrainingSummary, read_model, read_run, read_run_source, undisturbed, write_run
@@ -98,22 +100,44 @@ def test_nothing_is_looked_for_without_the_runs_data_or_in_a_task(run, described
     assert _disturbed.disturbed_tests(model, config, source) == (("b", *SPAN[1:]),)
 
 
-def test_figures_mark_what_was_left_out_where_only_training_is_drawn(run):
+def marked(model, config, dataset, disturbed=()):
+    """Begin and end of what is grey in every panel, and what the legend has."""
+    drawn = _learned.draw_unseen(model, config, dataset, None, disturbed)
+    edges = [
+        [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in ax.patches if isinstance(patch, Rectangle)]
+        for ax in drawn.axes
+    ]
+    return edges, [text.get_text() for text in drawn.legends[0].get_texts()]
+
+
+@pytest.mark.parametrize("begun", [0.0, 1.7e9])
+def test_figures_mark_spans_of_their_recordings(run, begun):
     config, model = read_run(run), read_model(run)
     dataset = read_run_source(config).dataset
-
-    def marked(dataset, disturbed=()):
-        drawn = _learned.draw_unseen(model, config, dataset, None, disturbed)
-        return [len(ax.patches) for ax in drawn.axes], [text.get_text() for text in drawn.legends[0].get_texts()]
-
-    counts, words = marked(dataset, (("b", 0.1, 0.3), ("b", 0.5, 0.6), ("c", 0.1, 0.2)))
-    assert counts == [2]
+    (test,) = dataset.test
+    dataset = dataclasses.replace(dataset, test=(dataclasses.replace(test, ts=test.ts + begun),))
+    known = ("b", 0.1, 0.3), ("b", 0.5, 0.6), ("c", 1.0, 2.0)
+    spans = tuple((name, begun + start, begun + end) for name, start, end in known)
+    (edges,), words = marked(model, config, dataset, spans)
+    assert edges == [pytest.approx((0.1, 0.3), abs=1e-6), pytest.approx((0.5, 0.6), abs=1e-6)]
     assert words[-1] == "disturbed"
-    counts, words = marked(dataset)
-    assert counts == [0]
+    (edges,), words = marked(model, config, dataset)
+    assert edges == []
     assert "disturbed" not in words
-    untested = dataclasses.replace(dataset, test=())
+
+
+def test_figures_of_training_alone_mark_what_was_left_out(run):
+    config, model = read_run(run), read_model(run)
+    untested = dataclasses.replace(read_run_source(config).dataset, test=())
     known = dataclasses.replace(config, data=dataclasses.replace(config.data, digest=untested.digest))
-    drawn = _learned.draw_unseen(model, known, untested, None)
-    assert [len(ax.patches) for ax in drawn.axes] == [1]
-    assert marked(untested)[0] == [0]  # Other data, of the same name.
+    assert marked(model, known, untested)[0] == [[pytest.approx(SPAN[1:])]]
+    assert marked(model, config, untested)[0] == [[]]  # Other data, of the same name.
+
+
+@pytest.mark.parametrize("command", ["evaluate", "report"])
+def test_commands_mark_what_they_name(command, run, pushed, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("symoden.report.draw_recorded", lambda paths, titles, spans: drawn.append(spans) or Figure())
+    option = {"evaluate": ["--figure", "a.png"], "report": ["--out", "a.html"]}[command]
+    assert main([command, str(run), option[0], str(tmp_path / option[1])]) == 0
+    assert drawn == [[[SPAN[1:]]]]

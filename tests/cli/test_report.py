@@ -11,7 +11,7 @@ import pytest
 
 from symoden.cli import main
 
-from .conftest import SMALL, write_untrained_run
+from .conftest import SMALL, write_recording, write_untrained_run
 
 VOID = {"meta", "link", "br", "img", "hr", "input"}
 
@@ -78,7 +78,7 @@ def test_equal_runs_have_equal_pages(trained, tmp_path):
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def test_a_run_without_its_data_or_metrics_has_a_page_all_the_same(arm_run, tmp_path):
+def test_a_run_without_its_data_or_metrics_has_a_page_all_the_same(arm_run, tmp_path, capsys):
     folder, path = tmp_path / "run", tmp_path / "report.html"
     shutil.copytree(arm_run, folder)
     config = json.loads((folder / "config.json").read_text())
@@ -87,6 +87,15 @@ def test_a_run_without_its_data_or_metrics_has_a_page_all_the_same(arm_run, tmp_
     page = Page(path.read_text())
     assert "Predictions" not in page.texts["h2"]
     assert any("cannot be read" in text for text in page.texts["p"])
+    assert not any(".." in text for text in page.texts["p"])
+    assert "warning: the page has no predictions: `/nowhere/<arm>.toml` must be" in capsys.readouterr().err
+
+
+def test_the_page_says_that_the_data_have_changed(described, tmp_path):
+    folder, path = write_untrained_run(tmp_path / "run", described), tmp_path / "report.html"
+    write_recording(described.with_name("a.csv"), samples=70)
+    assert main(["report", str(folder), "--out", str(path)]) == 0
+    assert any("the data are no longer those" in text for text in Page(path.read_text()).texts["p"])
 
 
 def test_tasks_have_a_page(task_run, tmp_path):

@@ -21,6 +21,7 @@ from symoden.control import (
     Loop,
     Regulator,
     Tracking,
+    _causes,
     audit_energy,
     choose_method,
     design,
@@ -82,6 +83,17 @@ def test_names_make_their_controllers():
 def test_why_a_regulator_does_not_hold_the_target_is_told(target, settings, message):
     with pytest.raises(ValueError, match=message):
         design(ACROBOT, target, method="swing-up", **settings)
+
+
+def test_a_period_that_is_too_long_is_named_where_inputs_are_too_small_as_well(monkeypatch):
+    def held(model, regulator, *, period):
+        return float(period <= 0.01 and np.asarray(regulator.limits).min() >= 10)
+
+    monkeypatch.setattr(_causes, "attraction", held)
+    regulator = Regulator.of(ACROBOT, [np.pi, 0.0], limits=(1.0,), period=1.0)
+    told = _causes.why_not_held(ACROBOT, regulator, 1.0)
+    assert "inputs up to 1 and a period of 1 s; with 10 times as much and 0.01 s it does." in told
+    assert told.endswith("Allow more input and shorten the period.")
 
 
 def test_the_target_that_is_named_instead_is_an_equilibrium():

@@ -60,7 +60,9 @@ def test_a_project_can_be_moved_with_its_runs(tmp_path):
     moved = read_run(new / "runs" / "arm")
     assert moved.source == str((new / "arm.toml").resolve())
     old.mkdir()
-    (old / "arm.toml").write_text("")  # What is where it was is not looked for.
+    (old / "arm.toml").write_text("")  # A copy has its own.
+    assert read_run(new / "runs" / "arm").source == moved.source
+    (new / "arm.toml").unlink()
     assert read_run(new / "runs" / "arm").source == str(old / "arm.toml")
     (old / "arm.toml").unlink()
     shutil.move(new / "runs", elsewhere)
@@ -163,7 +165,7 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path):
 
 def test_a_run_without_its_model_says_that_training_did_not_end(tmp_path):
     write_run(tmp_path, settings())
-    with pytest.raises(StorageError, match=r"Its training did not end: resume it"):
+    with pytest.raises(StorageError, match=r"Its training did not end; go on with: symoden train --out \S+ --resume"):
         read_model(tmp_path)
     save(tmp_path / "model.safetensors", build(SMALL, Space.parse("T1"), 1, key=jax.random.key(0)))
     assert read_model(tmp_path).inputs == 1

@@ -19,7 +19,7 @@ from symoden.data import (
     without_spans,
 )
 from symoden.integrate import HOLDS, RK4, rollout
-from symoden.models import KINDS, BlockConfig, ModelConfig
+from symoden.models import KINDS, BlockConfig, ModelConfig, build
 from symoden.storage import StorageError
 from symoden.systems import Pendulum
 from symoden.training import TrainingConfig, _disturbances, _fit, find_disturbances, fit, hold_out
@@ -107,15 +107,56 @@ def test_recordings_of_a_test_are_disturbed_where_they_are_pushed(at, length):
     assert end - 0.1 < span[1] < end + 0.3
 
 
-def test_a_recording_of_another_machine_or_clock_is_not_disturbed():
-    heavy = Pendulum(mass=4.0, damping=0.2)
-    assert find_disturbances(heavy, [others([(100, 105, 30.0)])], swings(0, {})) == ((),)  # The model is a poor one.
+def test_a_recording_of_another_machine_is_not_disturbed():
     pushed = others([(100, 105, 30.0)])
+    assert find_disturbances(Pendulum(mass=4.0, damping=0.2), [pushed], swings(0, {})) == ((),)  # A poor model.
     backwards = dataclasses.replace(pushed, us=-3 * pushed.us)
     assert find_disturbances(SYSTEM, [backwards], swings(0, {})) == ((),)
-    fast = dataclasses.replace(pushed, ts=100 + (pushed.ts - 100) / 4)
-    assert find_disturbances(SYSTEM, [fast], swings(0, {})) == ((),)
     assert find_disturbances(SYSTEM, [], swings(0, {})) == ()
+    assert find_disturbances(
+        build(ModelConfig(kind="naive"), SYSTEM.space, 1, key=jax.random.key(0)), [pushed], swings(0, {})
+    ) == ((),)
+
+
+@pytest.mark.parametrize("windows", [2, 3, 4, 6])
+def test_a_push_is_found_in_short_recordings(windows):
+    size = windows * 26 + 1
+    whole = others([(300, 304, 30.0)])
+    short = whole.cut(300 - size // 2, 300 + size // 2, name="short")
+    ((span,),) = find_disturbances(SYSTEM, [short], swings(0, {}))
+    assert span[0] < whole.ts[304]
+    assert span[1] > whole.ts[300]
+
+
+@pytest.mark.parametrize("begun", [0.0, 100.0, 1.7e9])
+def test_recordings_of_half_the_rate_are_looked_at_and_of_a_third_are_not(begun):
+    pushed = others([(200, 206, 30.0)])
+
+    def thinned(step):
+        picked = {name: getattr(pushed, name)[::step] for name in ("q", "rates", "us")}
+        return dataclasses.replace(pushed, ts=pushed.ts[::step] - pushed.ts[0] + begun, **picked)
+
+    (half, third) = find_disturbances(SYSTEM, [thinned(2), thinned(3)], swings(0, {}))
+    assert len(half) == 1
+    assert half[0][0] - 0.3 < begun + STEP * 203 < half[0][1] + 0.3
+    assert third == ()
+    ((name, *_),) = found_in(swings(0, {1: [(200, 205, 30.0)]}, count=3))  # Training looks at all that it is fitted to.
+    assert name == "run1"
+
+
+def test_a_pause_is_no_push():
+    quiet = others()
+    late = dataclasses.replace(quiet, ts=quiet.ts + 5 * (np.arange(SIZE) >= 200))
+    assert find_disturbances(SYSTEM, [late], swings(0, {})) == ((),)
+
+
+def test_recordings_of_another_mechanism_are_refused():
+    quiet = others()
+    pair = dataclasses.replace(quiet, us=np.zeros((SIZE, 2)))
+    with pytest.raises(DataError, match="must have coordinates and inputs as `runs`, 1 and 1; got 1 and 2"):
+        find_disturbances(SYSTEM, [pair], swings(0, {}))
+    with pytest.raises(ValueError, match="`hold` must be one of zero, linear; got 'cubic'"):
+        find_disturbances(SYSTEM, [quiet], swings(0, {}), hold="cubic")
 
 
 def test_inputs_of_other_recordings_act_as_theirs_do():

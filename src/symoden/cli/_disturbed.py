@@ -23,7 +23,8 @@ def disturbed_tests(model: AbstractDynamics, config: RunConfig, source: Source) 
         source: What it is scored on: its own data, or others.
 
     Returns:
-        Spans by the recordings' names; none of a task, which is simulated, nor where the run's data are gone.
+        Spans by the recordings' names; none of a task, which is simulated, nor of a run whose training has not ended or
+        whose data are gone.
     """
     tests = source.dataset.test
     if config.trained is None or source.task is not None or not tests:
@@ -39,7 +40,7 @@ def _own(config: RunConfig) -> Dataset | None:
     """The run's data, if they are still there."""
     with said_before(), contextlib.suppress(ValueError):
         own = read_run_source(config)
-        if own.task is None and own.dataset.digest == config.data.digest:
+        if own.dataset.digest == config.data.digest:
             return own.dataset
     return None
 

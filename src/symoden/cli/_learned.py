@@ -148,13 +148,27 @@ def own_source(config: RunConfig) -> Source:
     """
     with said_before():
         source = read_run_source(config)
-    if source.task is None and source.dataset.digest != config.data.digest:
-        print(
-            f"warning: `{source.name}`: the data are no longer those that the run was trained on. Restore them, or "
-            "train anew: its bands are those of other data.",
-            file=sys.stderr,
-        )
+    if words := changed_words(config, source):
+        print(f"warning: {words}", file=sys.stderr)
     return source
+
+
+def changed_words(config: RunConfig, source: Source) -> str:
+    """What to say where a run's data have changed.
+
+    Args:
+        config: Settings of the run.
+        source: Its data.
+
+    Returns:
+        The words; none where they are as they were.
+    """
+    if source.task is not None or source.dataset.digest == config.data.digest:
+        return ""
+    return (
+        f"`{source.name}`: the data are no longer those that the run was trained on. Restore them, or train anew: its "
+        "bands are those of other data."
+    )
 
 
 def unseen(dataset: Dataset) -> tuple[str, tuple[Trajectory, ...]]:
@@ -234,7 +248,7 @@ def name_untold_inputs(run: Path, model: AbstractDynamics, config: RunConfig, po
 
 
 def draw_unseen(
-    model: AbstractDynamics, config: RunConfig, dataset: Dataset, bands: Bands | None, disturbed: Disturbed = ()
+    model: AbstractDynamics, config: RunConfig, dataset: Dataset, bands: Bands | None, disturbed: Disturbed
 ) -> Any:  # noqa: ANN401 - only `report` knows matplotlib
     """Figure of the first recordings that were not trained on, with rollouts along them.
 
@@ -255,5 +269,5 @@ def draw_unseen(
         disturbed = (config.training.left_out or ()) if dataset.digest == config.data.digest else ()
     chosen = recordings[:MOST_DRAWN]
     paths = recorded_paths(model, chosen, hold=dataset.hold, solver=evaluation_solver(config), bands=bands)
-    spans = [[span for name, *span in disturbed if name == each.name] for each in chosen]
+    spans = [[(start, end) for name, start, end in disturbed if name == each.name] for each in chosen]
     return draw_recorded(paths, list(map(titled, config.data.position_names, dataset.position_units)), spans)

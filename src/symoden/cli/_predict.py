@@ -121,7 +121,7 @@ def _name_outside(outside: dict[str, float]) -> None:
         if share > _MANY:
             print(
                 f"warning: `{name}` lies outside of what training saw for {share:.0%} of its samples, recorded or "
-                "predicted (a rollout may, where the recording does not); there the model extrapolates. Train on "
-                "data that reach as far.",
+                "predicted (a rollout may, where the recording does not); there the model extrapolates."
+                + ("" if name.startswith("train:") else " Train on data that reach as far."),
                 file=sys.stderr,
             )

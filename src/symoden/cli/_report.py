@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -14,11 +15,11 @@ from symoden.wording import number
 
 from ._arguments import Report
 from ._disturbed import disturbed_words
-from ._learned import MOST_DRAWN, Learned, draw_unseen, unseen
+from ._learned import MOST_DRAWN, Learned, changed_words, draw_unseen, unseen
 from ._output import TableText, print_json
 from ._scores import scores_of
 from ._tables import facts, tables
-from ._words import audit_words, band_words, certainty_words, training_words
+from ._words import audit_words, band_words, certainty_words, name_unfinished, training_words
 
 if TYPE_CHECKING:
     from symoden.report import PageSection, PageTable
@@ -42,6 +43,9 @@ def run(command: Report) -> None:
 
     learned = Learned.of(command.run)
     config = learned.config
+    name_unfinished(config)
+    if learned.source is None:
+        print(f"warning: the page has no predictions: {learned.missing}", file=sys.stderr)
     sections = [
         *_predictions(learned),
         _blocks(learned),
@@ -74,7 +78,7 @@ def _predictions(learned: Learned) -> Iterator["PageSection"]:
         bands, words = None, [str(error)]
     drawn = min(MOST_DRAWN, len(recordings))
     scores = scores_of(model, config, learned.source)
-    said = filter(None, (scores.warning, disturbed_words(scores.disturbed)))
+    said = filter(None, (changed_words(config, learned.source), scores.warning, disturbed_words(scores.disturbed)))
     words[:0] = [f"Warning: {each}" for each in said]
     yield PageSection(
         heading="Predictions",
@@ -93,7 +97,7 @@ def _blocks(learned: Learned) -> "PageSection":
     figure = None if found.velocities is None else learned.draw()
     return PageSection(
         heading="What was learned",
-        words=[f"{line[0].upper()}{line[1:]}." for line in certainty_words(certain, learned.uncertain)],
+        words=list(map(_sentence, certainty_words(certain, learned.uncertain))),
         figure=figure,
         caption="Along each coordinate the others are in the middle of the data.",
         tables=[
@@ -108,7 +112,7 @@ def _audit(learned: Learned) -> "PageSection":
     """The power audit."""
     from symoden.report import PageSection
 
-    words = [f"{line[0].upper()}{line[1:]}." for line in audit_words(*learned.audit(), learned.missing)]
+    words = list(map(_sentence, audit_words(*learned.audit(), learned.missing)))
     return PageSection(heading="Power audit", words=words)
 
 
@@ -116,7 +120,7 @@ def _training(run: Path, config: RunConfig) -> "PageSection":
     """How training went."""
     from symoden.report import PageSection, draw_training
 
-    words = [f"{line[0].upper()}{line[1:]}." for line in training_words(config)]
+    words = list(map(_sentence, training_words(config)))
     path = run / "metrics.jsonl"
     try:
         metrics = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
@@ -142,6 +146,11 @@ def _settings(config: RunConfig) -> "PageSection":
     rows = list(flat(asdict(config), ""))
     table = TableText("config.json", ("setting", "value"), rows)
     return PageSection(heading="Settings and versions", tables=[_text(table)], folded=True)
+
+
+def _sentence(line: str) -> str:
+    """A line of the terminal as a sentence."""
+    return f"{line[0].upper()}{line[1:].rstrip('.')}."
 
 
 def _text(table: TableText) -> "PageTable":

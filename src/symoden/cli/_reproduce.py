@@ -22,6 +22,7 @@ from ._output import print_json, print_table
 
 _DPI = 110
 _SHORT = 10
+_MARKDOWN = (".md", ".markdown")
 
 
 def run(command: Reproduce) -> None:
@@ -39,6 +40,8 @@ def run(command: Reproduce) -> None:
         raise ValueError(f"`--out` must be a folder; `{out}` is a file.")
     if command.page is not None and command.page.is_dir():
         raise ValueError(f"`--page` must be a file; `{command.page}` is a folder. Name a Markdown file in it.")
+    if command.page is not None and command.page.suffix.lower() not in _MARKDOWN:
+        raise ValueError(f"`--page` must end in {' or '.join(_MARKDOWN)}; got `{command.page}`.")
     if command.jobs < 1:
         raise ValueError(f"`--jobs` must be at least 1; got {command.jobs}.")
     every = cells(
@@ -148,7 +151,8 @@ def _report(command: Reproduce, results: Sequence[CellResult], failed: Sequence[
         ("cells", "model", "seeds", "test", "the paper", "ratio", "prediction", "the paper", "ratio"),
         [(table_title(row), row.model, row.seeds, *_texts(row)) for row in rows],
     )
-    print(f"tables and models are in {command.out}")
+    page = "" if command.page is None else f", the page is {command.page}"
+    print(f"tables and models are in {command.out}{page}")
 
 
 def _texts(row: Row) -> list[str]:

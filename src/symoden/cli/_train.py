@@ -138,7 +138,7 @@ def _new(command: Train) -> tuple[RunConfig, Source]:
         noise=noise,
         members=command.members or 0,
         model=model,
-        training=dataclasses.replace(training, seed=seed, left_out=() if command.keep_disturbed else None),
+        training=dataclasses.replace(training, seed=seed, left_out=() if command.keep_disturbed else training.left_out),
         data=summarize(source.dataset),
     )
     return config, source

@@ -56,11 +56,18 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
             f"A period of {period:g} s is too long for the regulator to hold the model at the target; with "
             f"{_QUICK:g} s it does. {_growth(A)}Shorten the period."
         )
+    inputs = f"inputs up to {', '.join(map(number, limits))}"
     for factor in _MORE:
-        if holds(tuple(factor * limit for limit in limits), period):
+        larger = tuple(factor * limit for limit in limits)
+        if holds(larger, period):
             return (
-                f"The regulator does not hold the model at the target with inputs up to "
-                f"{', '.join(map(number, limits))}; with {factor} times as much it does. Allow more input."
+                f"The regulator does not hold the model at the target with {inputs}; with {factor} times as much it "
+                "does. Allow more input."
+            )
+        if period is not None and period > _QUICK and holds(larger, _QUICK):
+            return (
+                f"The regulator does not hold the model at the target with {inputs} and a period of {period:g} s; with "
+                f"{factor} times as much and {_QUICK:g} s it does. {_growth(A)}Allow more input and shorten the period."
             )
     return (
         f"The regulator does not hold the model at the target {target}, and would not with {_MORE[-1]} times the "

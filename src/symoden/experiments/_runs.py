@@ -5,6 +5,7 @@ import dataclasses
 import json
 import os
 import platform
+import shlex
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -167,8 +168,8 @@ def read_run(folder: Path | str) -> RunConfig:
         folder: Folder of the run.
 
     Returns:
-        The settings; where the description is no longer at its absolute path, but is where it was seen from the run's
-        folder, with that path.
+        The settings; where there is a description where it was seen from the run's folder, with that path: it was moved
+        or copied together with the run.
 
     Raises:
         StorageError: If there is no run, or its `config.json` is not what it must be.
@@ -188,7 +189,7 @@ def read_run(folder: Path | str) -> RunConfig:
         raise StorageError(f"`{path}` must be JSON; reading stopped at: {error}. Restore it.") from None
     config = decode(RunConfig, value, f"`{path}`")
     moved = folder / config.beside
-    if config.beside and not Path(config.source).is_file() and moved.is_file():
+    if config.beside and moved.is_file() and moved.resolve() != Path(config.source).resolve():
         return dataclasses.replace(config, source=str(moved.resolve()))
     return config
 
@@ -215,7 +216,8 @@ def read_model(folder: Path | str) -> AbstractDynamics:
     folder = Path(folder)
     path = folder / MODEL
     if not path.is_file() and (holds_run(folder) or (folder / CHECKPOINTS).is_dir()):
-        advice = "Its training did not end: resume it." if holds_run(folder) else _INTERRUPTED
+        again = shlex.join(["symoden", "train", "--out", str(folder), "--resume"])
+        advice = f"Its training did not end; go on with: {again}" if holds_run(folder) else _INTERRUPTED
         raise StorageError(f"`{folder}` has no `{MODEL}`. {advice}")
     return load(path)
 

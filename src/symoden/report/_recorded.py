@@ -21,7 +21,7 @@ _ROOM: Final = 0.15  # Above and below what was measured, relative to its range.
 
 
 def draw_recorded(
-    recordings: Sequence[RecordedPaths], titles: Sequence[str], disturbed: Sequence[Sequence[Sequence[float]]] = ()
+    recordings: Sequence[RecordedPaths], titles: Sequence[str], disturbed: Sequence[Sequence[tuple[float, float]]] = ()
 ) -> Figure:
     """Draw each coordinate of each recording over time, with rollouts.
 
@@ -40,10 +40,8 @@ def draw_recorded(
     for row, recording, spans in zip(panels, recordings, marked, strict=True):
         for index, ax in enumerate(row):
             plot_recorded(recording, index, ax=ax)
-            for start, end in spans:
-                ax.axvspan(
-                    start - since(recording.ts), end - since(recording.ts), color=_GREY, alpha=_SHADE, linewidth=0
-                )
+            for start, end in np.subtract(spans, since(recording.ts)):
+                ax.axvspan(start, end, color=_GREY, alpha=_SHADE, linewidth=0)
         row[0].set_ylabel(wrapped(recording.name), fontsize=SMALL)
     for ax, title in zip(panels[0], titles, strict=True):
         ax.set_title(title, fontsize=LABEL)

@@ -1,6 +1,7 @@
 """Moments at which something moves the machine that neither its inputs nor what was learned explains."""
 
 import dataclasses
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -12,6 +13,7 @@ from jaxtyping import Bool, Float
 from symoden.data import DataError, Dataset, Trajectory, least_motion, whole_name, windows, without_poor_ends
 from symoden.integrate import HOLDS, Hold
 from symoden.mechanics import AbstractDynamics
+from symoden.spaces import Space
 
 from ._config import Span, TrainingConfig
 from ._data import Data, hold_out, regression_data
@@ -29,8 +31,9 @@ _MUCH: Final = 0.5  # Of what velocities change by in a window: less does no har
 _ENOUGH: Final = 20  # Windows that tell what is usual.
 _SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
 _OFTEN: Final = 0.25  # Share of those of one recording that no model was fitted to: it is another machine, or load.
-_ALIKE: Final = 2.0  # Windows, or what is usual is so in others.
+_ALIKE: Final = 2.5  # Times longer or shorter, what is usual in windows is so in others: twice the rate is common.
 _STRIDES: Final = 4  # Of a window, from one to the next.
+_EVENT: Final = _STRIDES + 1  # Windows that a short one is in.
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,29 +125,62 @@ def find_disturbances(
         model: What `fit` found, or another mechanical one.
         recordings: Others of the same mechanism.
         dataset: What it was fitted to.
-        config: With which settings; those of `FitResult.config`.
-        hold: What an input of these recordings is between samples; as in `dataset`, if absent.
+        config: With which settings; those of `FitResult.config`, which have what training left out, or that is usual.
+        hold: What an input of these recordings is between samples, a key of `HOLDS`; as in `dataset`, if absent.
 
     Returns:
-        Of each recording the spans, begin and end in its own time [s]; none where there is no telling: of models
-        without M, V, g and D on velocities, of momenta, of recordings that are shorter than a window or have steps of
-        another length, and where a quarter of one is so.
+        Of each recording the spans, begin and end in its own time [s]. None where there is no telling: of models
+        without M, V, g and D on velocities, of momenta, of recordings shorter than a window, of windows 2.5 times
+        longer or shorter than in training, of coordinates that hardly move there. None either where more than a
+        quarter of a recording is so, and more than one short event makes: it is another machine, or load.
 
     Raises:
-        DataError: As `hold_out` does.
+        ValueError: If there is no such `hold`.
+        DataError: If the recordings have other coordinates or inputs than `dataset`, and as `hold_out` does.
+
+    Example:
+        >>> import dataclasses
+        >>> import numpy as np
+        >>> from symoden import Dataset, Trajectory
+        >>> from symoden.systems import Pendulum
+        >>> ts, pace = np.linspace(0.0, 9.99, 1000), np.sqrt(15.0)
+        >>> q, v = 0.01 * np.cos(pace * ts), -0.01 * pace * np.sin(pace * ts)
+        >>> swing = Trajectory(name="swing", ts=ts, q=q[:, None], rates=v[:, None], us=np.zeros((1000, 1)))
+        >>> knocked = dataclasses.replace(swing, rates=swing.rates + 0.5 * (ts == ts[500])[:, None])
+        >>> none, (span,) = find_disturbances(
+        ...     Pendulum(), [swing, knocked], Dataset(name="swings", space="T1", train=(swing,))
+        ... )
+        >>> none, bool(span[0] < ts[500] < span[1])
+        ((), True)
     """
     config = TrainingConfig() if config is None else config
+    hold = dataset.hold if hold is None else hold
+    if hold not in HOLDS:
+        raise ValueError(f"`hold` must be one of {', '.join(HOLDS)}; got {hold!r}.")
+    recordings = tuple(map(without_poor_ends, recordings))
+    _refuse_others(recordings, dataset)
     none = tuple(() for _ in recordings)
     with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
-        if not recordings or not has_weak_form(model):
+        if not has_weak_form(model):
             return none
         held = hold_out(dataset, config)
         data = regression_data(held, model, config)
         if data is None:
             return none
-        usual = _Usual.of(model, data, (*held.train, *held.validation))
-        looked = [usual.look(each, HOLDS[hold or dataset.hold]) for each in map(without_poor_ends, recordings)]
-    return tuple(each.spans if each.disturbed <= _OFTEN * each.windows else () for each in looked)
+        usual = _Usual.of(model, data, (*held.train, *held.validation)).elsewhere(data, HOLDS[hold])
+        looked = [usual.look(each) for each in recordings]
+    return tuple(each.spans if each.disturbed <= max(_EVENT, _OFTEN * each.windows) else () for each in looked)
+
+
+def _refuse_others(recordings: Sequence[Trajectory], dataset: Dataset) -> None:
+    """Refuse recordings of another mechanism."""
+    wanted = Space.parse(dataset.space).size, dataset.inputs
+    for each in recordings:
+        if (got := (each.q.shape[1], each.us.shape[1])) != wanted:
+            raise DataError(
+                f"`{each.name}` must have coordinates and inputs as `{dataset.name}`, {wanted[0]} and {wanted[1]}; got "
+                f"{got[0]} and {got[1]}. Choose recordings of the same mechanism."
+            )
 
 
 def disturbed_spans(
@@ -192,34 +228,37 @@ class _Usual:
     """
 
     model: AbstractDynamics
-    data: Data
+    objective: AbstractObjective
+    horizon: int
     bound: Float[np.ndarray, " n"]
+    lengths: tuple[float, float] = (0.0, math.inf)
 
     @classmethod
     def of(cls, model: AbstractDynamics, data: Data, recordings: Sequence[Trajectory]) -> "_Usual":
         """By windows of recordings, of which the motion of joints that rest is told apart from noise."""
         model = cast(model, data.train.q.dtype)
-        return cls(model, data, _bound(_residuals(model, data.objective, data.train), data, least_motion(recordings)))
+        bound = _bound(_residuals(model, data.objective, data.train), data, least_motion(recordings))
+        return cls(model, data.objective, data.train.ts.shape[1] - 1, bound)
 
-    def look(self, recording: Trajectory, hold: Hold | None = None, left_out: Sequence[Span] = ()) -> _Looked:
-        """Look at a recording, by its own `hold` if it has another, but not at spans of it."""
-        ts = np.asarray(self.data.train.ts)
-        horizon = ts.shape[1] - 1
-        if len(recording) <= horizon:
+    def elsewhere(self, data: Data, hold: Hold) -> "_Usual":
+        """The same for recordings that have another `hold`, and maybe gaps or another rate."""
+        usual = float(np.median(np.ptp(np.asarray(data.train.ts), axis=1)))
+        objective = WeakForm(data.objective.weights, hold)
+        return dataclasses.replace(self, objective=objective, lengths=(usual / _ALIKE, usual * _ALIKE))
+
+    def look(self, recording: Trajectory, left_out: Sequence[Span] = ()) -> _Looked:
+        """Look at a recording, but not at spans of it."""
+        if len(recording) <= self.horizon:
             return _Looked()
-        length, usual = np.median(recording.ts[horizon:] - recording.ts[:-horizon]), np.median(np.ptp(ts, axis=1))
-        if not usual / _ALIKE < length < usual * _ALIKE:
-            return _Looked()
-        objective = self.data.objective
-        if hold is not None and isinstance(objective, WeakForm):
-            objective = dataclasses.replace(objective, hold=hold)
-        stride = max(1, horizon // _STRIDES)
-        every = windows([recording], horizon, stride=stride)
+        stride = max(1, self.horizon // _STRIDES)
+        every = windows([recording], self.horizon, stride=stride)
         starts = np.arange(len(every)) * stride
-        known = _overlaps(recording, starts, horizon, left_out)
-        residuals = _residuals(self.model, objective, Batch.of(every, self.data.train.q.dtype))
+        lengths = recording.ts[starts + self.horizon] - recording.ts[starts]
+        unlike = (lengths < self.lengths[0]) | (lengths > self.lengths[1])
+        known = unlike | _overlaps(recording, starts, self.horizon, left_out)
+        residuals = _residuals(self.model, self.objective, Batch.of(every, np.float64))
         far = (np.abs(residuals) > self.bound).any(axis=1) & ~known
-        spans = tuple(_spans(recording, starts[far], horizon))
+        spans = tuple(_spans(recording, starts[far], self.horizon))
         return _Looked(spans, int(np.sum(far)), int(np.sum(~known)))
 
 
