@@ -1,6 +1,7 @@
 """Members of an ensemble scatter as the model would if the recordings were made anew."""
 
 import dataclasses
+import itertools
 
 import jax
 import jax.numpy as jnp
@@ -13,8 +14,12 @@ from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
 from symoden.storage import StorageError, save_arrays
-from symoden.training import Ensemble, TrainingConfig, _ensemble, fit, infer_posterior, load_ensemble
+from symoden.training import Ensemble, TrainingConfig, _ensemble, _fit, fit, ignore, infer_posterior, load_ensemble
+from symoden.training._ensemble import train_members
 from symoden.training._flatten import Flattening
+from symoden.training._levenberg_stage import LevenbergStage
+from symoden.training._prepare import prepare
+from symoden.training._run import Stopwatch
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=())
@@ -133,6 +138,47 @@ def test_members_go_through_adam_and_validation_and_keep_learned_priors(pendulum
     assert not np.allclose(starts[0], starts[1], rtol=1e-3)
     assert np.isfinite(ensemble.members).all()
     assert result.completed
+
+
+@pytest.fixture
+def prepared(pendulum):
+    """What training with windows of three lengths begins with."""
+    data = pendulum(count=20, samples=101)
+    config = TrainingConfig(validation=0.0, adam_steps=0, lm_steps=3, lm_substeps=1, growth_steps=1, patience=1)
+    with jax.enable_x64(True):
+        return prepare(data, MODEL, config), config
+
+
+def test_members_begin_with_the_windows_of_all_stages_before_theirs(prepared):
+    (stages, state, fresh, _), config = prepared
+    lengths = {k: each.data.train.ts.shape[1] for k, each in enumerate(stages) if not each.regresses}
+    assert len(set(lengths.values())) == 3
+    for origin, length in lengths.items():
+        pattern = _fit._pattern(stages, state._replace(origin=origin), fresh, config)
+        shorter = sorted({each for each in lengths.values() if each < length})
+        assert [windows.ts.shape[1] for windows in pattern.shorter] == shorter
+
+
+def test_a_member_is_fitted_to_short_windows_before_its_own(prepared, monkeypatch):
+    (stages, state, fresh, _), config = prepared
+    seen = []
+    real = LevenbergStage.step
+
+    def step(self, state, restore, windows, **told):
+        seen.append(windows.ts.shape)
+        return real(self, state, restore, windows, **told)
+
+    monkeypatch.setattr(LevenbergStage, "step", step)
+    with jax.enable_x64(True):
+        last = max(range(len(stages)), key=lambda k: stages[k].data.train.ts.shape[1])
+        state = stages[last].start(state)._replace(origin=last, stage=len(stages))
+        pattern = _fit._pattern(stages, state, fresh, config)._replace(first=())
+        train_members(pattern, 2, path=None, resume=False, watch=Stopwatch(None, ignore))
+    shapes = [windows.ts.shape for windows in pattern.shorter] + [pattern.stage.data.train.ts.shape]
+    assert len(shapes) == 3
+    changes = [seen[0], *(after for before, after in itertools.pairwise(seen) if after != before)]
+    assert changes == shapes * (len(changes) // 3)  # Each member begins anew.
+    assert len(changes) >= 6
 
 
 def test_few_models_make_wider_bands_than_many(found):
