@@ -13,45 +13,24 @@ from symoden.data import (
     DataError,
     Dataset,
     DataWarning,
-    Trajectory,
     split_validation,
     validates_by_ends,
     without_spans,
 )
-from symoden.integrate import HOLDS, RK4, rollout
-from symoden.models import KINDS, BlockConfig, ModelConfig, build
+from symoden.integrate import HOLDS
+from symoden.models import KINDS, BlockConfig, ModelConfig
 from symoden.storage import StorageError
 from symoden.systems import Pendulum
-from symoden.training import TrainingConfig, _disturbances, _fit, find_disturbances, fit, hold_out
+from symoden.training import TrainingConfig, _disturbances, _fit, fit, hold_out
 from symoden.training._data import Data, levenberg_data, regression_data
 from symoden.training._disturbances import _bound, disturbed_spans
 from symoden.training._objective import Batch
 from symoden.training._prepare import prepare
 from symoden.training._weak_form import WeakForm
 
-STEP, SIZE = 0.02, 500
+from .swings import SIZE, STEP, SYSTEM, swings
+
 CONFIG = TrainingConfig()
-SYSTEM = Pendulum(damping=0.2)
-
-
-def swing(name, generator, pushes=(), noise=0.0):
-    """A recording, and pushes [N m] from one row to another that it does not have among its inputs."""
-    ts = STEP * np.arange(SIZE)
-    phase, pace = generator.uniform(0, 6, 3), generator.uniform(0.5, 3, 3)
-    us = 2 * np.sin(pace * ts[:, None] + phase).sum(axis=1, keepdims=True)
-    push = np.zeros_like(us)
-    for first, last, size in pushes:
-        push[first:last] += size
-    with jax.enable_x64(True):
-        path = rollout(SYSTEM, *map(jnp.asarray, (np.zeros(1), np.zeros(1), ts, us + push)), solver=RK4(4))
-        q, v = (np.asarray(each) + noise * generator.normal(size=each.shape) for each in (path.q, path.rates))
-    return Trajectory(name=name, ts=ts + 100.0, q=q, rates=v, us=us)
-
-
-def swings(seed, pushes, noise=1e-3, count=3):
-    generator = np.random.default_rng(seed)
-    train = tuple(swing(f"run{k}", generator, pushes.get(k, ()), noise) for k in range(count))
-    return Dataset(name="runs", space="T1", train=train)
 
 
 def gain(model):
@@ -91,86 +70,6 @@ def test_a_push_is_found_where_it_is_and_nothing_else(seed, at, length, size, si
     assert found_in(swings(seed, {}, noise)) == []
 
 
-def others(pushes=(), noise=1e-3):
-    """A recording of the same pendulum that nothing was trained on."""
-    return swing("other", np.random.default_rng(77), pushes, noise)
-
-
-@pytest.mark.parametrize(("at", "length"), [(100, 5), (300, 60)])
-def test_recordings_of_a_test_are_disturbed_where_they_are_pushed(at, length):
-    pushed, quiet, short = others([(at, at + length, 30.0)]), others(), others().cut(0, 8, name="short")
-    (span, *more), *none = find_disturbances(SYSTEM, [pushed, quiet, short], swings(0, {}))
-    assert more == []
-    assert none == [(), ()]
-    begin, end = (100 + STEP * row for row in (at, at + length))
-    assert begin - 0.3 < span[0] < begin + 0.1
-    assert end - 0.1 < span[1] < end + 0.3
-
-
-def test_a_recording_of_another_machine_is_not_disturbed():
-    pushed = others([(100, 105, 30.0)])
-    assert find_disturbances(Pendulum(mass=4.0, damping=0.2), [pushed], swings(0, {})) == ((),)  # A poor model.
-    backwards = dataclasses.replace(pushed, us=-3 * pushed.us)
-    assert find_disturbances(SYSTEM, [backwards], swings(0, {})) == ((),)
-    assert find_disturbances(SYSTEM, [], swings(0, {})) == ()
-    assert find_disturbances(
-        build(ModelConfig(kind="naive"), SYSTEM.space, 1, key=jax.random.key(0)), [pushed], swings(0, {})
-    ) == ((),)
-
-
-@pytest.mark.parametrize("windows", [2, 3, 4, 6])
-def test_a_push_is_found_in_short_recordings(windows):
-    size = windows * 26 + 1
-    whole = others([(300, 304, 30.0)])
-    short = whole.cut(300 - size // 2, 300 + size // 2, name="short")
-    ((span,),) = find_disturbances(SYSTEM, [short], swings(0, {}))
-    assert span[0] < whole.ts[304]
-    assert span[1] > whole.ts[300]
-
-
-@pytest.mark.parametrize("begun", [0.0, 100.0, 1.7e9])
-def test_recordings_of_half_the_rate_are_looked_at_and_of_a_third_are_not(begun):
-    pushed = others([(200, 206, 30.0)])
-
-    def thinned(step):
-        picked = {name: getattr(pushed, name)[::step] for name in ("q", "rates", "us")}
-        return dataclasses.replace(pushed, ts=pushed.ts[::step] - pushed.ts[0] + begun, **picked)
-
-    (half, third) = find_disturbances(SYSTEM, [thinned(2), thinned(3)], swings(0, {}))
-    assert len(half) == 1
-    assert half[0][0] - 0.3 < begun + STEP * 203 < half[0][1] + 0.3
-    assert third == ()
-    ((name, *_),) = found_in(swings(0, {1: [(200, 205, 30.0)]}, count=3))  # Training looks at all that it is fitted to.
-    assert name == "run1"
-
-
-def test_a_pause_is_no_push():
-    quiet = others()
-    late = dataclasses.replace(quiet, ts=quiet.ts + 5 * (np.arange(SIZE) >= 200))
-    assert find_disturbances(SYSTEM, [late], swings(0, {})) == ((),)
-
-
-def test_recordings_of_another_mechanism_are_refused():
-    quiet = others()
-    pair = dataclasses.replace(quiet, us=np.zeros((SIZE, 2)))
-    with pytest.raises(DataError, match="must have coordinates and inputs as `runs`, 1 and 1; got 1 and 2"):
-        find_disturbances(SYSTEM, [pair], swings(0, {}))
-    with pytest.raises(ValueError, match="`hold` must be one of zero, linear; got 'cubic'"):
-        find_disturbances(SYSTEM, [quiet], swings(0, {}), hold="cubic")
-
-
-def test_inputs_of_other_recordings_act_as_theirs_do():
-    rough = others()
-    us = np.where(np.arange(SIZE)[:, None] < SIZE - 15, rough.us, 400.0)
-    with jax.enable_x64(True):
-        start = map(jnp.asarray, (rough.q[0], rough.rates[0], rough.ts, us))
-        path = rollout(SYSTEM, *start, solver=RK4(4), hold=HOLDS["linear"])
-        steps = dataclasses.replace(rough, q=np.asarray(path.q), rates=np.asarray(path.rates), us=us)
-    ((span,),) = find_disturbances(SYSTEM, [steps], swings(0, {}), hold="zero")  # Half an interval of a large jump.
-    assert span[1] > rough.ts[-20]
-    assert find_disturbances(SYSTEM, [steps], swings(0, {}), hold="linear") == ((),)
-
-
 def test_a_wrong_velocity_is_found():
     (first, *others) = swings(0, {}).train
     rates = first.rates.copy()
@@ -179,6 +78,15 @@ def test_a_wrong_velocity_is_found():
     ((name, start, end),) = found_in(dataset)
     assert name == "run0"
     assert start < first.ts[222] < end
+
+
+def test_training_looks_at_all_that_it_is_fitted_to_whatever_its_rate():
+    first, *others = swings(0, {0: [(200, 206, 60.0)]}, count=4).train
+    thin = {name: getattr(first, name)[::3] for name in ("ts", "q", "rates", "us")}
+    dataset = Dataset(name="runs", space="T1", train=(dataclasses.replace(first, **thin), *others))
+    ((name, start, end),) = found_in(dataset)
+    assert name == "run0"
+    assert start < first.ts[203] < end
 
 
 def test_what_is_often_unexplained_is_the_models_fault():
