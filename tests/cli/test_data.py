@@ -218,3 +218,16 @@ def test_what_was_said_of_a_runs_own_data_is_not_said_again(described, tmp_path,
     for words in (("evaluate", run), ("inspect", run)):
         assert main(list(map(str, words))) == 0
         assert "the data are no longer those that the run was trained on" in capsys.readouterr().err
+
+
+def test_recordings_that_have_the_same_but_for_its_numbers_are_told_apart(described, capsys):
+    for name, limit in (("a.csv", 0.6), ("b.csv", 0.8)):
+        path = described.with_name(name)
+        head, *rows = path.read_text().splitlines()
+        columns = np.array([row.split(",") for row in rows], float)
+        columns[:, 3] = np.clip(columns[:, 3], -limit, limit)
+        np.savetxt(path, columns, delimiter=",", header=head, comments="", fmt="%.17g")
+    assert main(["data", "check", str(described)]) == 0
+    assert (
+        "in a (and 1 more, with other numbers: b): `u` is at its extreme value (-0.6 or 0.6)" in capsys.readouterr().out
+    )

@@ -66,7 +66,7 @@ def test_a_project_can_be_moved_with_its_runs(tmp_path):
     assert read_run(new / "runs" / "arm").source == str(old / "arm.toml")
     (old / "arm.toml").unlink()
     shutil.move(new / "runs", elsewhere)
-    with pytest.raises(ValueError, match=r"old/arm.toml` must be the description .* `source` into the run's config"):
+    with pytest.raises(ValueError, match=r"old/arm.toml` must be the description .* as `source` into the run's config"):
         read_run_source(read_run(elsewhere / "arm"))
 
 

@@ -84,37 +84,38 @@ def _told(check: DatasetCheck) -> str:
     if not any(finding.level != "note" for finding, _ in groups):
         lines.append("nothing looks wrong" + ("; worth knowing:" if groups else ""))
     ordered = [pair for level in _LEVELS for pair in groups if pair[0].level == level]
-    for k, (finding, names) in enumerate(ordered):
+    for k, (finding, where) in enumerate(ordered):
         ending = "" if finding.text.endswith((".", "?")) else "."
-        lines.append(f"- {finding.level}{_where(names)}: {finding.text}{ending}")
+        lines.append(f"- {finding.level}{where}: {finding.text}{ending}")
         repeated = k + 1 < len(ordered) and ordered[k + 1][0].advice == finding.advice
         if finding.advice and not repeated:  # What follows has the same: it is said after that.
             lines.append(f"  {finding.advice}")
     return "\n".join(lines)
 
 
-def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, list[str]]]:
+def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, str]]:
     """What cannot be read, then findings of the data set and of recordings: the first of its kind, and who has it."""
     reasons: dict[str, tuple[Finding, list[str]]] = {}
     for each in check.unreadable:
         reason = each.finding.text.replace(str(each.path), "")  # Files with the same one are named together.
         reasons.setdefault(reason, (each.finding, []))[1].append(each.name)
-    yield from reasons.values()
+    yield from ((finding, _where(names)) for finding, names in reasons.values())
     for finding in check.findings:
-        yield finding, []
-    groups: dict[tuple[str, str, str], tuple[Finding, list[str]]] = {}
+        yield finding, ""
+    groups: dict[tuple[str, str, str], list[tuple[Finding, str]]] = {}
     parts = Counter(each.log.name for each in check.recordings)  # One file may have rows in several.
     for each in check.recordings:
         name = f"{each.log.name} [{each.log.part}]" if parts[each.log.name] > 1 else each.log.name
         for finding in each.findings:
             key = (finding.level, finding.kind, finding.channel)
-            groups.setdefault(key, (finding, []))[1].append(name)
-    yield from groups.values()
+            groups.setdefault(key, []).append((finding, name))
+    for group in groups.values():
+        findings, names = zip(*group, strict=True)
+        yield findings[0], _where(names, alike=len({each.text for each in findings}) == 1)
 
 
-def _where(names: Sequence[str]) -> str:
-    """The recording that the words are about, and the others that have the same."""
-    if not names:
-        return ""
+def _where(names: Sequence[str], *, alike: bool = True) -> str:
+    """The recording that the words are about, and the others that have the same, or the same but for its numbers."""
     first, *others = names
-    return f" in {first}" + (f" (and {len(others)} more: {first_few(others, _NAMED)})" if others else "")
+    more = f"{len(others)} more{'' if alike else ', with other numbers'}"
+    return f" in {first}" + (f" (and {more}: {first_few(others, _NAMED)})" if others else "")

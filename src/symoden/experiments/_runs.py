@@ -241,7 +241,7 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
         if config.source not in TASKS and not Path(config.source).is_file():
             raise ValueError(
                 f"`{config.source}` must be the description that the run was trained on; there is no such file. "
-                "Move it back, or write where it is now as `source` into the run's config.json."
+                "Move it back, or write where it is now, its absolute path, as `source` into the run's config.json."
             )
         return read_source(
             config.source,
