@@ -168,8 +168,8 @@ def read_run(folder: Path | str) -> RunConfig:
         folder: Folder of the run.
 
     Returns:
-        The settings; where there is a description where it was seen from the run's folder, with that path: it was moved
-        or copied together with the run.
+        The settings; where the description is no longer at its absolute path, but is where it was seen from the run's
+        folder, with that path. Of a copy the original is read as long as it is there.
 
     Raises:
         StorageError: If there is no run, or its `config.json` is not what it must be.
@@ -189,7 +189,7 @@ def read_run(folder: Path | str) -> RunConfig:
         raise StorageError(f"`{path}` must be JSON; reading stopped at: {error}. Restore it.") from None
     config = decode(RunConfig, value, f"`{path}`")
     moved = folder / config.beside
-    if config.beside and moved.is_file() and moved.resolve() != Path(config.source).resolve():
+    if config.beside and not Path(config.source).is_file() and moved.is_file():
         return dataclasses.replace(config, source=str(moved.resolve()))
     return config
 
