@@ -6,12 +6,12 @@ from typing import TypeAlias
 from symoden.data import Dataset
 from symoden.experiments import RunConfig, Source, read_run_source
 from symoden.mechanics import AbstractDynamics
-from symoden.training import find_disturbances
+from symoden.training import Span, find_disturbances
 from symoden.wording import spans_in_words
 
 from ._warnings import said_before
 
-Disturbed: TypeAlias = tuple[tuple[str, float, float], ...]
+Disturbed: TypeAlias = tuple[Span, ...]
 
 
 def disturbed_tests(model: AbstractDynamics, config: RunConfig, source: Source) -> Disturbed:

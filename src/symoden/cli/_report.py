@@ -14,7 +14,6 @@ from symoden.storage import StorageError
 from symoden.wording import number
 
 from ._arguments import Report
-from ._disturbed import disturbed_words
 from ._learned import MOST_DRAWN, Learned, changed_words, draw_unseen, unseen
 from ._output import TableText, print_json
 from ._scores import scores_of
@@ -78,8 +77,8 @@ def _predictions(learned: Learned) -> Iterator["PageSection"]:
         bands, words = None, [str(error)]
     drawn = min(MOST_DRAWN, len(recordings))
     scores = scores_of(model, config, learned.source)
-    said = filter(None, (changed_words(config, learned.source), scores.warning, disturbed_words(scores.disturbed)))
-    words[:0] = [f"Warning: {each}" for each in said]
+    changed = changed_words(config, learned.source)
+    words[:0] = [f"Warning: {each}" for each in ([changed] if changed else []) + scores.warnings]
     yield PageSection(
         heading="Predictions",
         words=words,

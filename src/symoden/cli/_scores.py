@@ -48,6 +48,11 @@ class Scores(NamedTuple):
     share: float = math.nan
     disturbed: Disturbed = ()
 
+    @property
+    def warnings(self) -> list[str]:
+        """All that is to be said of them."""
+        return [words for words in (self.warning, disturbed_words(self.disturbed)) if words]
+
 
 def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> Scores:
     """Score a model on a task or on a data set, and print the table unless JSON was asked for.
@@ -64,7 +69,7 @@ def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *,
     scores = scores_of(model, config, source)
     if not json:
         print_table(*scores.table)
-    for words in filter(None, (scores.warning, disturbed_words(scores.disturbed))):
+    for words in scores.warnings:
         print(f"warning: {words}", file=sys.stderr)
     if source.task is None and not source.dataset.test:
         print(

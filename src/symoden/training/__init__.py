@@ -1,6 +1,6 @@
 """Training: short rollouts against recordings, by Adam and then Levenberg-Marquardt."""
 
-from ._config import TrainingConfig as TrainingConfig
+from ._config import Span as Span, TrainingConfig as TrainingConfig
 from ._data import hold_out as hold_out
 from ._disturbances import find_disturbances as find_disturbances
 from ._ensemble import (
@@ -46,6 +46,7 @@ __all__ = [
     "FitResult",
     "Laplace",
     "Progress",
+    "Span",
     "TrainingConfig",
     "TrainingError",
     "check_members",
