@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from symoden.control import EnergyShaping, Loop, judge, run_in_turn
-from symoden.experiments import initial_states, learned_machine, read_ensemble, read_model, read_run
+from symoden.experiments import learned_machine, read_ensemble, read_model, read_run, starts_of
 from symoden.mechanics import AbstractPortHamiltonian
 
 SHARES = (0.0, 0.5, 0.65, 0.8)
@@ -35,7 +35,7 @@ def main() -> None:
         parser.error("the run must have an ensemble of models with energy: train it with `--resume --members 8`")
     machine = learned_machine(model, words.target, config.data.ranges)
     plants = list(ensemble.models())
-    q0, v0 = initial_states(machine, "energy-shaping", EPISODES, 0)
+    q0, v0 = starts_of(machine, "energy-shaping").draw(EPISODES, 0)
     for share in SHARES:
         controller = EnergyShaping.of(model, jnp.asarray(words.target), limits=words.max_input, compensation=share)
         tried = run_in_turn(plants, controller, q0, v0, LOOP)

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from symoden.cli import _checks, _control, main
-from symoden.cli._control import hardly_moves
+from symoden.cli._control import beyond_data, hardly_moves
 from symoden.control import METHODS
 from symoden.evaluation import Ranges
 from symoden.experiments import RunConfig, learned_machine, machine_of, read_model, read_source, summarize, write_run
@@ -81,7 +81,13 @@ def test_people_get_a_table(near_pendulum, capsys):
     assert main(["control", str(near_pendulum), *QUICK, "--noise", "0.01", "--delay", "0.03"]) == 0
     printed = capsys.readouterr()
     assert "energy-shaping on symoden/DampedPendulum-v0, inputs up to 15, every 20 ms" in printed.out
-    for line in ("successes", "median settling time [s]", "one call of the controller [ms]", "outside the data"):
+    for line in (
+        "successes",
+        "median settling time [s]",
+        "one call of the controller [ms]",
+        "outside the data",
+        "episodes begin with `theta` anywhere at up to 1 rad/s",
+    ):
         assert line in printed.out
     assert "3 episodes of 3 s" in printed.err
 
@@ -221,6 +227,7 @@ def test_an_input_of_which_the_data_tell_nothing_is_named_where_that_was_found_o
         (["--target", "180"], "got 180 rad, which is 28.6 turns. If degrees were meant, write 3.1416"),
         (["--env", "model"], "needs `--target`"),
         (["--target", "0", "--env", "symoden/DampedPendulum-v0"], "goes to where it is upright"),
+        (["--target", "0", "--max-input", "1", "2", "3"], "one number for all 1 inputs or one for each"),
         (["--target", "0", "--video", "a.gif"], "how a learned one looks is not known"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
@@ -240,6 +247,24 @@ def test_a_length_far_from_the_data_is_no_target(learned_slide):
 def test_a_length_that_hardly_moves_is_named():
     assert hardly_moves("x", 0.006).startswith("`x` goes 0.006 in the training data, where 0.05 from the target counts")
     assert not hardly_moves("x", 0.5)
+
+
+def test_a_target_well_outside_the_data_is_named():
+    said = beyond_data("x", 1.2, (-0.5, 0.5), angle=False)
+    assert said == "the target 1.2 of `x` is 0.7 outside its training data, -0.5 to 0.5: there the model is a guess."
+    assert beyond_data("x", -0.6, (-0.5, 0.5), angle=False).startswith("the target -0.6 of `x` is 0.1 outside")
+    assert not beyond_data("x", 0.52, (-0.5, 0.5), angle=False)
+    assert not beyond_data("x", 0.1, (-0.5, 0.5), angle=False)
+
+
+@pytest.mark.parametrize("turns", [-2, 0, 1, 300])
+def test_of_an_angle_the_shorter_way_to_the_data_counts(turns):
+    wound = (2 * np.pi * turns - 1, 2 * np.pi * turns + 2)
+    for target, away in ((-1.5, 0.5), (3.0, 1.0), (-2.5, 1.5), (2 * np.pi - 1.5, 0.5)):
+        assert f"is {away:g} outside" in beyond_data("q", target, wound, angle=True)
+    for target in (-1.1, -0.9, 0.0, 2.1, 2 * np.pi + 1.9, -4.9):
+        assert not beyond_data("q", target, wound, angle=True)
+    assert not beyond_data("q", 3.0, (-4.0, 4.0), angle=True)
 
 
 def test_an_angle_may_be_as_many_turns_away_as_the_data_are():

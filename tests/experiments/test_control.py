@@ -9,7 +9,7 @@ import pytest
 
 from symoden.control import Loop, audit_energy, run_episodes
 from symoden.evaluation import Ranges
-from symoden.experiments import ControlConfig, initial_states, learned_machine, outside_data, try_control
+from symoden.experiments import ControlConfig, learned_machine, outside_data, starts_of, try_control
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.systems import Acrobot, Pendulum
@@ -36,7 +36,7 @@ def test_what_is_learned_is_integrated_finely_whatever_its_name():
     machine = dataclasses.replace(learned_machine(MODEL, [np.pi], RANGES), name="the arm in the cellar")
     results = [try_control(MODEL, each, CONFIG) for each in (machine, dataclasses.replace(machine, learned=False))]
     for result, step in zip(results, (0.001, CONFIG.loop.step), strict=True):
-        q0, v0 = initial_states(result.machine, result.method, 5, 0)
+        q0, v0 = starts_of(result.machine, result.method).draw(5, 0)
         again = run_episodes(MODEL, result.controller, q0, v0, dataclasses.replace(CONFIG.loop, step=step))
         np.testing.assert_array_equal(result.episodes.q, again.q)
     assert [result.tried_on for result in results] == ["the learned model", "the arm in the cellar"]
@@ -44,7 +44,7 @@ def test_what_is_learned_is_integrated_finely_whatever_its_name():
 
 def test_each_stand_in_has_its_share_of_the_episodes():
     result = try_control(MODEL, learned_machine(MODEL, [np.pi], RANGES), CONFIG, plants=OTHERS)
-    q0, v0 = initial_states(result.machine, result.method, 5, 0)
+    q0, v0 = starts_of(result.machine, result.method).draw(5, 0)
     loop = dataclasses.replace(CONFIG.loop, step=0.001)
     parts = [run_episodes(OTHERS[k], result.controller, q0[k::2], v0[k::2], loop) for k in range(2)]
     np.testing.assert_allclose(result.episodes.q, np.concatenate([part.q for part in parts]), atol=1e-9)

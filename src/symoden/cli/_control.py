@@ -3,14 +3,14 @@
 import contextlib
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final, cast
 
 import numpy as np
 
 from symoden.blocks import without_silent
-from symoden.control import Loop, Method, Tolerance
+from symoden.control import Loop, Method, Tolerance, input_limits
 from symoden.experiments import (
     ControlConfig,
     ControlResult,
@@ -37,6 +37,7 @@ from ._output import print_json, print_table
 from ._words import name_unfinished
 
 _TIMES: Final = 4  # As far as the tolerance is what tells nothing.
+_OUTSIDE: Final = 0.05  # Of the range of the data.
 
 
 def run(command: Control) -> None:
@@ -54,6 +55,7 @@ def run(command: Control) -> None:
     )
     config = read_run(command.run)
     name_unfinished(config)
+    input_limits(settings.max_input, len(config.data.input_names))
     model, plants = read_model(command.run), ()
     if command.target or command.env == LEARNED:
         machine, plants = _learned(command, config, model)
@@ -68,7 +70,7 @@ def run(command: Control) -> None:
     if command.general.json:
         print_json(_as_json(result, settings, outside, command))
     else:
-        _print(result, settings, outside)
+        _print(result, settings, outside, _coordinates(result, config))
         for what, path in (("figure", command.figure), ("animation", command.video)):
             if path is not None:
                 print(f"{what}: {path}")
@@ -84,6 +86,11 @@ def _learned(
     for i in model.space.lengths:
         low, high = data.ranges.positions[i]
         if said := hardly_moves(data.position_names[i], high - low):
+            print(f"warning: {said}", file=sys.stderr)
+    for name, angle, value, bounds in zip(
+        data.position_names, model.space.is_angle, machine.target, data.ranges.positions, strict=True
+    ):
+        if said := beyond_data(name, value, bounds, angle=angle):
             print(f"warning: {said}", file=sys.stderr)
     _name_untold_inputs(command.run, model, config, ensemble)
     return machine, plants
@@ -121,16 +128,52 @@ def hardly_moves(name: str, way: float) -> str:
     )
 
 
+def beyond_data(name: str, value: float, bounds: tuple[float, float], *, angle: bool) -> str:
+    """What to say of a coordinate's target that lies well outside the training data.
+
+    Args:
+        name: Name of the coordinate.
+        value: Its target.
+        bounds: Its least and largest value in the training data.
+        angle: Whether it is an angle, of which turns do not matter.
+
+    Returns:
+        The words; none where it lies within the data, or hardly outside.
+    """
+    low, high = bounds
+    above, below = value - high, low - value
+    if angle:  # Whichever way round is shorter.
+        above = (value - low) % (2 * math.pi) - (high - low)
+        below = 2 * math.pi - (value - low) % (2 * math.pi)
+    away = min(above, below) if angle else max(above, below)
+    if away <= _OUTSIDE * (high - low):
+        return ""
+    return (
+        f"the target {number(value)} of `{name}` is {number(away)} outside its training data, {number(low)} to "
+        f"{number(high)}: there the model is a guess."
+    )
+
+
 def _tell(text: str) -> None:
     """Say on standard error what is being done."""
     print(text, file=sys.stderr, flush=True)
 
 
-def _print(result: ControlResult, settings: ControlConfig, outside: float) -> None:
+def _coordinates(result: ControlResult, config: RunConfig) -> list[tuple[str, str]]:
+    """Name and unit of each coordinate."""
+    data, machine = config.data, result.machine
+    units = data.position_units if machine.learned else machine.system.space.units
+    return list(zip(data.position_names, units, strict=True))
+
+
+def _print(
+    result: ControlResult, settings: ControlConfig, outside: float, coordinates: Sequence[tuple[str, str]]
+) -> None:
     """How it went, in words."""
     verdict, audit, loop = result.verdict, result.audit, settings.loop
     limits = ", ".join(number(limit) for limit in result.limits)
     print(f"{result.method} on {result.tried_on}, inputs up to {limits}, every {1e3 * loop.period:g} ms")
+    print(f"episodes begin with {', '.join(_start_words(result, coordinates))}")
     rows = [
         ["successes", f"{int(verdict.success.sum())} of {len(verdict.success)}"],
         ["median settling time [s]", result.settling],
@@ -139,7 +182,7 @@ def _print(result: ControlResult, settings: ControlConfig, outside: float) -> No
         ["largest input", float(np.nanmax(np.abs(np.asarray(result.episodes.u))))],
         ["one call of the controller [ms]", result.controller_ms],
         ["making the controller [s]", result.design_s],
-        ["desired energy falls at, of visited states", f"{audit.share:.1%}"],
+        ["desired energy falls under continuous control at, of visited states", f"{audit.share:.1%}"],
         ["visited states outside the data", f"{outside:.1%}"],
     ]
     print_table("closed loop", ("quantity", "value"), rows)
@@ -156,6 +199,20 @@ def _print(result: ControlResult, settings: ControlConfig, outside: float) -> No
     if audit.share < 1:
         q, v = (", ".join(number(x) for x in part) for part in (audit.worst_q, audit.worst_v))
         print(f"the desired energy rises fastest at q = ({q}), v = ({v})")
+
+
+def _start_words(result: ControlResult, coordinates: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Where episodes begin, and how fast, one coordinate after the other."""
+    for (name, unit), angle, middle, way, speed in zip(
+        coordinates, result.machine.system.space.is_angle, *result.starts, strict=True
+    ):
+        near = f"within {_measured(way, unit)} of {number(middle)}"
+        yield f"`{name}` {'anywhere' if angle and way >= math.pi else near} at up to {_measured(speed, unit, '/s')}"
+
+
+def _measured(value: float, unit: str, per: str = "") -> str:
+    """A number with its unit, where that is known."""
+    return f"{value:g} {unit}{per}" if unit else f"{value:g}"
 
 
 def _stuck_words(result: ControlResult) -> Iterator[str]:
@@ -201,6 +258,7 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
             "worst_v": audit.worst_v,
             "saturated": audit.saturated,
         },
+        "starts": {key: part.tolist() for key, part in result.starts._asdict().items()},
         "held_by_friction": 0 if result.stuck is None else int(result.stuck.held.sum()),
         "matching": None if result.matching is None else result.matching._asdict(),
         "figure": None if command.figure is None else str(command.figure),
@@ -212,9 +270,8 @@ def _draw(result: ControlResult, config: RunConfig, path: Path) -> None:
     """Draw the episodes into a file."""
     from symoden.report import draw_control
 
-    data, machine = config.data, result.machine
-    units = data.position_units if machine.learned else machine.system.space.units
-    figure = draw_control(result, positions=list(map(titled, data.position_names, units)), inputs=data.input_names)
+    positions = [titled(*each) for each in _coordinates(result, config)]
+    figure = draw_control(result, positions=positions, inputs=config.data.input_names)
     save_figure(figure, path)
 
 

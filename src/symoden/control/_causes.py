@@ -36,7 +36,10 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
     target = regulator.target.tolist()
 
     def holds(limits: tuple[float, ...], period: float | None) -> bool:
-        other = Regulator.of(model, target, limits=limits, period=period)
+        try:
+            other = Regulator.of(model, target, limits=limits, period=period)
+        except ValueError:  # There is none.
+            return False
         return attraction(model, other, period=_QUICK if period is None else max(period, _QUICK)) > 0
 
     limits = tuple(regulator.limits.tolist())

@@ -22,6 +22,7 @@ from ._lagrangian import ControlledLagrangian
 from ._plan import plan_motion
 from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate
 from ._regulator import Regulator
+from ._sampling import check_period
 from ._scales import bandwidth, configurations, energy_range, static_load
 from ._search import searched
 from ._shaping import EnergyShaping
@@ -69,7 +70,8 @@ def design(
         target: Configuration to go to.
         method: How; `choose_method` decides if absent.
         limits: Largest magnitude of the inputs, one number or one for each; None for none.
-        period: Control period [s] that regulators are optimal for, and that bounds gains; None for continuous control.
+        period: Control period [s] that regulators are optimal for, that bounds gains, and that must be short enough for
+            the sampled loop to be stable; None for continuous control.
         reference: q_d(t) for "tracking"; a slow swing about the target if absent.
         tell: Called with what is being done, where that takes long.
 
@@ -78,8 +80,8 @@ def design(
 
     Raises:
         TypeError: If the model is none.
-        ValueError: If the target is no configuration, the method does not suit the model, or it needs limits that are
-            not given.
+        ValueError: If the target is no configuration, the method does not suit the model, it needs limits that are not
+            given, or the period is too long for it.
 
     Example:
         >>> from symoden.systems import Pendulum
@@ -99,19 +101,22 @@ def design(
         raise ValueError(f"The method {chosen!r} needs a model with an energy; got {type(model).__name__}. Use 'lqr'.")
     match chosen:
         case "energy-shaping":
-            return EnergyShaping.of(model, target, limits=limits, period=period)
+            controller = EnergyShaping.of(model, target, limits=limits, period=period)
         case "tracking":
-            return Tracking.of(model, reference or slow_swing(model, as_array(target)), limits=limits)
+            controller = Tracking.of(model, reference or slow_swing(model, as_array(target)), limits=limits)
         case "ida-pbc":
             tell("solving the matching conditions")
-            return IdaPbc.of(model, target, limits=limits)
+            controller = IdaPbc.of(model, target, limits=limits)
         case "controlled-lagrangian":
             tell("searching gains on the linearised closed loop")
-            return ControlledLagrangian.of(model, target, limits=limits)
+            controller = ControlledLagrangian.of(model, target, limits=limits)
         case "swing-up":
             return _swing_up(model, as_array(target), limits=limits, period=period, tell=tell)
         case _:
             raise ValueError(f"`method` must be one of {', '.join(METHODS)}; got {chosen!r}.")
+    if period is not None:
+        check_period(model, controller, as_array(target), period, method=chosen)
+    return controller
 
 
 def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = None) -> Method:

@@ -88,6 +88,7 @@ class Regulator(AbstractController):
         R = np.diag(units**-2)
         try:
             gain, P = _riccati(A, B, Q, R, period)
+            np.linalg.cholesky(np.linalg.inv(P))  # Of weak inputs and long periods, rounding leaves what is no cost.
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ValueError(f"The system cannot be stabilised at {goal.tolist()}: {error}.") from None
         return cls(

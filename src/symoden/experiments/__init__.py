@@ -6,7 +6,6 @@ from ._control import (
     LEARNED as LEARNED,
     ControlConfig as ControlConfig,
     ControlResult as ControlResult,
-    initial_states as initial_states,
     learned_machine as learned_machine,
     machine_of as machine_of,
     outside_data as outside_data,
@@ -59,6 +58,7 @@ from ._runs import (
 from ._score_task import TaskScore as TaskScore, score_task as score_task
 from ._simulate import TaskData as TaskData, simulate as simulate
 from ._sources import Source as Source, absolute_name as absolute_name, read_source as read_source
+from ._starts import Starts as Starts, starts_of as starts_of
 from ._sweeps import Sweep as Sweep, SweepCurve as SweepCurve, is_own as is_own, row_name as row_name, sweeps as sweeps
 from ._table import PAPER_ORDER as PAPER_ORDER, Row as Row, SeedErrors as SeedErrors, table_rows as table_rows
 from ._tasks import TASKS as TASKS, Task as Task, own_trajectories as own_trajectories, task as task
@@ -93,6 +93,7 @@ __all__ = [
     "RunConfig",
     "SeedErrors",
     "Source",
+    "Starts",
     "Sweep",
     "SweepCurve",
     "Task",
@@ -112,7 +113,6 @@ __all__ = [
     "fit_gauge",
     "free_rollouts",
     "holds_run",
-    "initial_states",
     "is_own",
     "learned_machine",
     "machine_facts",
@@ -138,6 +138,7 @@ __all__ = [
     "score_task",
     "simulate",
     "simulate_variant",
+    "starts_of",
     "summarize",
     "sweeps",
     "table_rows",

@@ -35,7 +35,6 @@ from symoden.control import (
     find_stuck,
     input_limits,
     judge,
-    lowest,
     rates_of,
     run_in_turn,
     silent,
@@ -45,6 +44,8 @@ from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
 from symoden.systems import MACHINES, Machine, Pendulum
 from symoden.wording import LEARNED
+
+from ._starts import Starts, starts_of
 
 _FINE_STEP: Final = 0.001  # [s]: learned dry friction is stiff.
 _FAR: Final = 10.0  # Of the range of the data.
@@ -114,6 +115,7 @@ class ControlResult:
         controller: The controller.
         limits: Largest magnitude of each input.
         plants: What moved: the machine's system, or those that stood in for it, each in a block of the episodes.
+        starts: Where episodes begin.
         episodes: Records of the true states.
         energy: Desired energy along each record.
         verdict: How each episode ended.
@@ -129,6 +131,7 @@ class ControlResult:
     controller: AbstractController
     limits: tuple[float, ...]
     plants: tuple[AbstractDynamics, ...]
+    starts: Starts
     episodes: Episode
     energy: Float[np.ndarray, "k T"]
     verdict: Verdict
@@ -237,37 +240,6 @@ def _check_target(coordinate: int, value: float, bounds: tuple[float, float], *,
         )
 
 
-def initial_states(
-    machine: Machine, method: Method, episodes: int, seed: int
-) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n"]]:
-    """Random states to start from, as far from the target as the method claims to reach.
-
-    What only holds the target starts within 0.6 rad of it, lengths within 0.5 m; an acrobot within 0.2 rad of it, or of
-    where its potential energy is lowest if it swings up; everything else starts anywhere, with the speeds of the
-    paper's tasks.
-
-    Args:
-        machine: What is controlled.
-        method: How.
-        episodes: Number of states.
-        seed: Seed of the draw.
-
-    Returns:
-        Coordinates and velocities.
-    """
-    space = machine.system.space
-    generator = np.random.default_rng(seed)
-    share_q, share_v = generator.uniform(-1, 1, (2, episodes, space.size))
-    acrobot = space.size > machine.system.inputs and all(space.is_angle)
-    if method == "swing-up" and acrobot:
-        hanging = lowest(machine.system, jnp.asarray(machine.target))
-        return np.asarray(hanging) + 0.2 * share_q, 0.1 * share_v
-    near = method in {"ida-pbc", "controlled-lagrangian", "lqr"}
-    size = np.where(space.is_angle, (0.2 if acrobot else 0.6) if near else np.pi, 0.5)
-    speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
-    return np.asarray(machine.target) + size * share_q, speed * share_v
-
-
 def try_control(
     model: AbstractDynamics,
     machine: Machine,
@@ -312,7 +284,8 @@ def try_control(
     start = time.perf_counter()
     controller = design(model, machine.target, method=method, limits=limits, period=loop.period, tell=tell)
     design_s = time.perf_counter() - start
-    q0, v0 = initial_states(machine, method, config.episodes, config.seed)
+    starts = starts_of(machine, method)
+    q0, v0 = starts.draw(config.episodes, config.seed)
     tell(f"{config.episodes} episodes of {loop.duration:g} s")
     observer = Observer(model, max(loop.noise, _LEAST_NOISE)) if loop.noise or loop.delay else None
     every = (plants or (system,))[: config.episodes]
@@ -326,6 +299,7 @@ def try_control(
         controller=controller,
         limits=limits,
         plants=tuple(every),
+        starts=starts,
         episodes=episodes,
         energy=desired_energies(controller, episodes),
         verdict=_judged(controller, episodes, machine),

@@ -1,0 +1,62 @@
+"""States that episodes of a controller begin at."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from symoden.control import Method, lowest
+from symoden.systems import Machine
+
+
+class Starts(NamedTuple):
+    """Where episodes begin: uniformly within boxes.
+
+    Attributes:
+        middle: Configuration in the middle.
+        q: Largest distance of each coordinate from it; half a turn is anywhere.
+        v: Largest speed of each.
+    """
+
+    middle: Float[np.ndarray, " n"]
+    q: Float[np.ndarray, " n"]
+    v: Float[np.ndarray, " n"]
+
+    def draw(self, episodes: int, seed: int) -> tuple[Float[np.ndarray, "k n"], Float[np.ndarray, "k n"]]:
+        """Draw random states.
+
+        Args:
+            episodes: Number of states.
+            seed: Seed of the draw.
+
+        Returns:
+            Coordinates and velocities.
+        """
+        share_q, share_v = np.random.default_rng(seed).uniform(-1, 1, (2, episodes, len(self.middle)))
+        return self.middle + self.q * share_q, self.v * share_v
+
+
+def starts_of(machine: Machine, method: Method) -> Starts:
+    """Where episodes begin: as far from the target as the method claims to reach.
+
+    What only holds the target starts within 0.6 rad of it, lengths within 0.5 m; an acrobot within 0.2 rad of it, or of
+    where its potential energy is lowest if it swings up; everything else starts anywhere, with the speeds of the
+    paper's tasks.
+
+    Args:
+        machine: What is controlled.
+        method: How.
+
+    Returns:
+        The boxes.
+    """
+    space = machine.system.space
+    acrobot = space.size > machine.system.inputs and all(space.is_angle)
+    if method == "swing-up" and acrobot:
+        hanging = np.asarray(lowest(machine.system, jnp.asarray(machine.target)))
+        return Starts(hanging, np.full(space.size, 0.2), np.full(space.size, 0.1))
+    near = method in {"ida-pbc", "controlled-lagrangian", "lqr"}
+    size = np.where(space.is_angle, (0.2 if acrobot else 0.6) if near else np.pi, 0.5)
+    speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
+    return Starts(np.asarray(machine.target, float), size, speed)
