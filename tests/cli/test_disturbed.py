@@ -84,6 +84,27 @@ def test_disturbances_of_test_recordings_are_named_and_marked(run, described, pu
     ]
 
 
+def test_a_run_whose_data_are_gone_has_no_bands_and_says_so_before_its_scores(run, described, pushed, capsys):
+    other = described.with_name("other.toml")
+    other.write_text(described.read_text())
+    described.unlink()
+    assert main(["evaluate", str(run), str(other), "--bands"]) == 2
+    printed = capsys.readouterr()
+    assert "there is no such file" in printed.err
+    assert printed.out == ""
+    assert main(["evaluate", str(run), str(other)]) == 0
+
+
+def test_what_has_been_read_is_not_read_again(run, described, pushed, monkeypatch):
+    config, model = read_run(run), read_model(run)
+    own = read_run_source(config)
+    monkeypatch.setattr(_disturbed, "read_run_source", lambda *_: pytest.fail("It was handed over."))
+    other = dataclasses.replace(own, dataset=dataclasses.replace(own.dataset, hold="linear"))
+    assert other.dataset.digest != own.dataset.digest
+    assert _disturbed.disturbed_tests(model, config, other, own=own) == (("b", *SPAN[1:]),)
+    assert _disturbed.disturbed_tests(model, config, other, own=other) == ()
+
+
 def test_nothing_is_looked_for_without_the_runs_data_or_in_a_task(run, described, pushed, task_run):
     config, model = read_run(run), read_model(run)
     source = read_run_source(config)

@@ -82,9 +82,11 @@ def test_help_on_data_says_that_they_are_checked(capsys):
     [
         ([], "Missing subcommand"),
         (["data"], "Expected one of {check}"),
-        (["data", "a.toml"], "Available subcommands: check"),
+        (["data", "a.toml"], "`a.toml` is no command. Commands are: check."),
         (["data", "check"], "FILE.toml"),
-        (["learn"], "Unrecognized options: learn"),
+        (["learn"], "`learn` is no command. Commands are: simulate, train,"),
+        (["trian"], "`trian` is no command; did you mean `train`? Commands are: simulate, train,"),
+        (["data", "chek", "a.toml"], "`chek` is no command; did you mean `check`? Commands are: check."),
         (["train", "pendulum"], "--out RUN"),
         (["train", "pendulum", "--out", "run", "--sed", "3"], "--seed"),
         (["train", "pendulum", "--out", "run", "--seed", "x"], "Error parsing --seed: must be an integer; got 'x'"),

@@ -108,6 +108,7 @@ def test_a_new_run_needs_a_source(tmp_path, capsys, resume):
 def test_a_folder_with_something_in_it_is_left_alone(described, arm_run, tmp_path, capsys):
     folder = shutil.copytree(arm_run, tmp_path / "run")
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    assert f"`{folder}` holds a run. Name another folder" in refused(capsys, "reproduce", "--out", folder)
     assert "--resume" in refused(capsys, "train", described, "--out", folder)
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 

@@ -14,13 +14,16 @@ from ._warnings import said_before
 Disturbed: TypeAlias = tuple[Span, ...]
 
 
-def disturbed_tests(model: AbstractDynamics, config: RunConfig, source: Source) -> Disturbed:
+def disturbed_tests(
+    model: AbstractDynamics, config: RunConfig, source: Source, *, own: Source | None = None
+) -> Disturbed:
     """Find moments of test recordings that spoil errors without telling much of the model.
 
     Args:
         model: The run's model.
         config: Settings of the run.
         source: What it is scored on: its own data, or others.
+        own: The run's own data, where they have been read.
 
     Returns:
         Spans by the recordings' names; none of a task, which is simulated, nor of a run whose training has not ended or
@@ -29,20 +32,20 @@ def disturbed_tests(model: AbstractDynamics, config: RunConfig, source: Source) 
     tests = source.dataset.test
     if config.trained is None or source.task is not None or not tests:
         return ()
-    dataset = source.dataset if source.dataset.digest == config.data.digest else _own(config)
+    dataset = _trained_on(config, source, own)
     if dataset is None:
         return ()
     found = find_disturbances(model, tests, dataset, config.training, hold=source.dataset.hold)
     return tuple((each.name, *span) for each, spans in zip(tests, found, strict=True) for span in spans)
 
 
-def _own(config: RunConfig) -> Dataset | None:
-    """The run's data, if they are still there."""
-    with said_before(), contextlib.suppress(ValueError):
-        own = read_run_source(config)
-        if own.dataset.digest == config.data.digest:
-            return own.dataset
-    return None
+def _trained_on(config: RunConfig, source: Source, own: Source | None) -> Dataset | None:
+    """The run's data, if they are still there, and as they were."""
+    if own is None and source.dataset.digest != config.data.digest:
+        with said_before(), contextlib.suppress(ValueError):
+            own = read_run_source(config)
+    same = (each.dataset for each in (source, own) if each is not None and each.dataset.digest == config.data.digest)
+    return next(same, None)
 
 
 def disturbed_words(disturbed: Disturbed) -> str:

@@ -1,6 +1,7 @@
 """`symoden evaluate`."""
 
 from dataclasses import asdict
+from pathlib import Path
 
 from symoden.evaluation import Bands, BandScore, score_bands
 from symoden.experiments import RunConfig, Source, read_model, read_run, read_run_source
@@ -25,9 +26,12 @@ def run(command: Evaluate) -> None:
     config = read_run(command.run)
     model = read_model(command.run)
     name_unfinished(config)
-    source = own_source(config) if command.source is None else read_run_source(config, command.source)
-    scores = report_scores(model, config, source, json=command.general.json)
-    bands, score, missing = _bands(command, config, model, source) if command.bands else (None, None, "")
+    own = own_source(config) if command.source is None or command.bands else None
+    source = read_run_source(config, command.source) if own is None or command.source is not None else own
+    scores = report_scores(model, config, source, own=own, json=command.general.json)
+    bands, score, missing = None, None, ""
+    if command.bands and own is not None:
+        bands, score, missing = _bands(command.run, config, model, own, source)
     if bands is not None:
         name_untold_inputs(command.run, model, config, bands.posterior)
     if command.figure is not None:
@@ -43,13 +47,12 @@ def run(command: Evaluate) -> None:
 
 
 def _bands(
-    command: Evaluate, config: RunConfig, model: AbstractDynamics, source: Source
+    run: Path, config: RunConfig, model: AbstractDynamics, own: Source, source: Source
 ) -> tuple[Bands | None, BandScore | None, str]:
     """Bands of the run's rollouts, what they cover of the test recordings, and why one of both is missing."""
-    own = source if command.source is None else own_source(config)
     bands = None
     try:
-        bands = bands_of(posterior_of(command.run, model, config, own.dataset), config, own.dataset)
+        bands = bands_of(posterior_of(run, model, config, own.dataset), config, own.dataset)
         return bands, score_bands(bands, source.dataset.test), ""
     except StorageError:
         raise

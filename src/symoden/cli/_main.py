@@ -1,5 +1,6 @@
 """Entry point: parse, run one command, and turn errors into one message and an exit status."""
 
+import difflib
 import importlib
 import importlib.metadata
 import inspect
@@ -79,6 +80,11 @@ def _parse(words: list[str]) -> Command:
     if words and words[0] in kinds:
         name, *words = words
         return tyro.cli(kinds[name], prog=f"{program} {name}", args=words, config=config, registry=number_rules())
+    if words and not words[0].startswith("-"):
+        near = difflib.get_close_matches(words[0], kinds, n=1)
+        meant = f"; did you mean `{near[0]}`?" if near else "."
+        print(f"error: `{words[0]}` is no command{meant} Commands are: {', '.join(kinds)}.", file=sys.stderr)
+        raise SystemExit(WRONG_INPUT)
     # Nothing is chosen, so this exits; one line explains each command.
     choices = [
         Annotated[kind, tyro.conf.subcommand(name, description=inspect.getdoc(kind).partition("\n")[0])]  # pyright: ignore[reportOptionalMemberAccess]

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 
-from symoden.experiments import Cell, CellResult, Row, cells, check_cell, read_results, table_rows
+from symoden.experiments import Cell, CellResult, Row, cells, check_cell, holds_run, read_results, table_rows
 from symoden.report import flat_row, table_title, write_tables
 from symoden.storage import exclusive
 from symoden.training import TrainingError
@@ -38,6 +38,8 @@ def run(command: Reproduce) -> None:
     out = command.out
     if out.exists() and not out.is_dir():
         raise ValueError(f"`--out` must be a folder; `{out}` is a file.")
+    if holds_run(out):
+        raise ValueError(f"`--out` must be a folder of cells, or a new one; `{out}` holds a run. Name another folder.")
     if command.page is not None and command.page.is_dir():
         raise ValueError(f"`--page` must be a file; `{command.page}` is a folder. Name a Markdown file in it.")
     if command.page is not None and command.page.suffix.lower() not in _MARKDOWN:

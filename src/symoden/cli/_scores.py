@@ -54,19 +54,22 @@ class Scores(NamedTuple):
         return [words for words in (self.warning, disturbed_words(self.disturbed)) if words]
 
 
-def report_scores(model: AbstractDynamics, config: RunConfig, source: Source, *, json: bool) -> Scores:
+def report_scores(
+    model: AbstractDynamics, config: RunConfig, source: Source, *, own: Source | None = None, json: bool
+) -> Scores:
     """Score a model on a task or on a data set, and print the table unless JSON was asked for.
 
     Args:
         model: The run's model.
         config: The run's settings.
         source: What to score on.
+        own: What the run was trained on, where that has been read.
         json: Whether to leave the table out.
 
     Returns:
         The scores.
     """
-    scores = scores_of(model, config, source)
+    scores = scores_of(model, config, source, own=own)
     if not json:
         print_table(*scores.table)
     for words in scores.warnings:
@@ -229,13 +232,14 @@ def _guess(recording: RecordingScore) -> float:
     return motion if math.isnan(coasting) else min(motion, max(coasting, _SLIGHT * motion))
 
 
-def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Scores:
+def scores_of(model: AbstractDynamics, config: RunConfig, source: Source, *, own: Source | None = None) -> Scores:
     """Score a model on a task or on a data set.
 
     Args:
         model: The run's model.
         config: The run's settings.
         source: What to score on.
+        own: What the run was trained on, where that has been read.
 
     Returns:
         The scores.
@@ -243,7 +247,7 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source) -> Sco
     solver = evaluation_solver(config)
     if source.task is None:
         recordings = score_recordings(model, undisturbed(config, source.dataset), solver=solver)
-        disturbed = disturbed_tests(model, config, source)
+        disturbed = disturbed_tests(model, config, source, own=own)
         return Scores(
             {"recordings": [asdict(recording) for recording in recordings], "disturbed": disturbed},
             _recordings(recordings, source.dataset.position_units, config.data.position_names),
