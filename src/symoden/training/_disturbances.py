@@ -17,13 +17,16 @@ from symoden.spaces import Space
 
 from ._config import Span, TrainingConfig
 from ._data import Data, hold_out, regression_data
-from ._flatten import cast
+from ._flatten import cast, freed
+from ._left_out import without
 from ._levenberg_stage import LevenbergStage
 from ._objective import AbstractObjective, Batch
+from ._relevance import Relevance, remembered
 from ._residuals import evaluate_residuals
-from ._stages import AbstractStage
+from ._stages import AbstractStage, Clock, never
 from ._state import TrainingState
 from ._weak_form import WeakForm, has_weak_form
+from ._weighing import Weighing
 
 _USUAL: Final = 0.9  # Quantile of what a model leaves unexplained: two to three times the median.
 _FAR: Final = 8.0  # Times that: where it is much, machines without disturbances have 4.5 at most, pushes 10 to 500.
@@ -34,6 +37,10 @@ _OFTEN: Final = 0.25  # Share of those of one recording that no model was fitted
 _ALIKE: Final = 2.5  # Times longer or shorter, what is usual in windows is so in others: twice the rate is common.
 _STRIDES: Final = 4  # Of a window, from one to the next.
 _EVENT: Final = _STRIDES + 1  # Windows that a short one is in.
+_TRIMMED: Final = 0.1  # Share of the windows that a fit goes without which they must not bend.
+_ROUNDS: Final = 2
+_STEPS: Final = 8  # Of each.
+_BENT: Final = 2.0  # Times better it then explains the usual window: without anything to bend a model 1.2, or 1.9.
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,21 +59,27 @@ class Screening:
     dataset: Dataset
     config: TrainingConfig
 
-    def after(self, stage: int, state: TrainingState) -> tuple[Span, ...]:
+    def after(self, stage: int, state: TrainingState, is_over: Clock = never) -> tuple[Span, ...]:
         """Look for more, if it is time.
 
         Args:
             stage: Index of the stage that has ended.
             state: State of training then.
+            is_over: Whether the time is over.
 
         Returns:
             All that is to be left out, if there is more than before; nothing where too little would be left.
+
+        Raises:
+            OutOfTime: If the time is over before that is known.
         """
         if stage not in self.stages:
             return ()
         known = self.config.left_out or ()
         recordings = tuple(map(without_poor_ends, (*self.dataset.train, *self.dataset.validation)))
         more = disturbed_spans(state.best, self.data, recordings, known)
+        if not more and (model := self._unbent(state, is_over)) is not None:
+            more = disturbed_spans(model, self.data, recordings, known, bent=True)
         if not more:
             return ()
         config = dataclasses.replace(self.config, left_out=(*known, *more))
@@ -75,6 +88,35 @@ class Screening:
         except DataError:
             return ()
         return config.left_out or ()
+
+    def _unbent(self, state: TrainingState, is_over: Clock) -> AbstractDynamics | None:
+        """Fit the best model by least trimmed squares.
+
+        A force that holds on for long looks like friction or weight to a fit that has to explain it as well. So the
+        model is fitted again without the windows that it explains least, and once more without those it then does.
+
+        Returns:
+            The model; None where it explains most windows hardly better so: the others had not bent it.
+
+        References:
+            Rousseeuw (1984), *Least median of squares regression*; Rousseeuw & Van Driessen (2006), *Computing LTS
+            regression for large data sets*: each such step lowers the trimmed sum of squares.
+        """
+        model, windows = cast(state.best, self.data.train.q.dtype), self.data.train
+        trimmed = int(_TRIMMED * windows.ts.shape[0])
+        before = left = np.abs(_residuals(model, self.data.objective, windows))
+        if trimmed < 1 or not np.isfinite(left).all():
+            return None
+        free, weighing = freed(model), Weighing.plain(model.space.embedded_size + model.space.size)
+        priors = remembered(state.memory, Relevance.start(model, self.config.prior))
+        stage = LevenbergStage(self.data, self.config, "trimmed", _STEPS)
+        fitted = stage.contender(state._replace(weighing=weighing), model, free, priors)
+        for _ in range(_ROUNDS):
+            worst = np.argsort((left / np.median(left, axis=0)).max(axis=1))[-trimmed:]
+            fitted = fitted._replace(model=fitted.refitted(without(windows, worst), is_over))
+            left = np.abs(_residuals(fitted.model, self.data.objective, windows))
+        gain = np.median(before, axis=0) / np.median(left, axis=0)
+        return fitted.model if gain.max() > _BENT else None
 
 
 def screening_of(
@@ -169,7 +211,7 @@ def find_disturbances(
             return none
         usual = _Usual.of(model, data, (*held.train, *held.validation)).elsewhere(data, HOLDS[hold])
         looked = [usual.look(each) for each in recordings]
-    return tuple(each.spans if each.disturbed <= max(_EVENT, _OFTEN * each.windows) else () for each in looked)
+    return tuple(each.momentary for each in looked)
 
 
 def _refuse_others(recordings: Sequence[Trajectory], dataset: Dataset) -> None:
@@ -184,7 +226,12 @@ def _refuse_others(recordings: Sequence[Trajectory], dataset: Dataset) -> None:
 
 
 def disturbed_spans(
-    model: AbstractDynamics, data: Data, recordings: Sequence[Trajectory], left_out: Sequence[Span] = ()
+    model: AbstractDynamics,
+    data: Data,
+    recordings: Sequence[Trajectory],
+    left_out: Sequence[Span] = (),
+    *,
+    bent: bool = False,
 ) -> list[Span]:
     """Find where recordings that a model was fitted to move far otherwise than it says, for a moment.
 
@@ -195,18 +242,20 @@ def disturbed_spans(
         data: Windows of the weak form, for what is usual.
         recordings: Where to look.
         left_out: Where not to: spans of them.
+        bent: Whether it was fitted without as many windows as may be disturbed, for these had bent it. Of a recording
+            of which that is much of it nothing is found: it is another machine, or load.
 
     Returns:
         Spans of the recordings that are disturbed, by name and in their own time [s].
     """
     usual = _Usual.of(model, data, recordings)
     looked = [usual.look(each, left_out=left_out) for each in recordings]
-    if sum(each.disturbed for each in looked) > _SELDOM * sum(each.windows for each in looked):
+    if sum(each.disturbed for each in looked) > (_TRIMMED if bent else _SELDOM) * sum(each.windows for each in looked):
         return []
     return [
         (whole_name(recording.name), *span)
         for recording, each in zip(recordings, looked, strict=True)
-        for span in each.spans
+        for span in (each.momentary if bent else each.spans)
     ]
 
 
@@ -216,6 +265,11 @@ class _Looked(NamedTuple):
     spans: tuple[tuple[float, float], ...] = ()
     disturbed: int = 0
     windows: int = 0
+
+    @property
+    def momentary(self) -> tuple[tuple[float, float], ...]:
+        """The spans; none where they are much of the recording, and more than one short event makes."""
+        return self.spans if self.disturbed <= max(_EVENT, _OFTEN * self.windows) else ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
+from jaxtyping import Int
 
 from symoden.mechanics import AbstractDynamics
 
@@ -103,13 +104,26 @@ def by_left_out(
 def _folds(windows: Batch) -> Iterator[tuple[Batch, Batch]]:
     """Windows without some in a row, and these.
 
-    So many of the others come twice that there are as many as before: another number would be another program.
-
     Yields:
         What to fit and what is left out.
     """
     every = np.arange(windows.ts.shape[0])
     for left_out in np.array_split(every, min(_FOLDS, len(every))):
-        others = np.setdiff1d(every, left_out)
-        twice = others[np.linspace(0, len(others) - 1, len(left_out)).round().astype(int)]
-        yield windows.take(np.sort(np.concatenate([others, twice]))), windows.take(left_out)
+        yield without(windows, left_out), windows.take(left_out)
+
+
+def without(windows: Batch, left_out: Int[np.ndarray, " k"]) -> Batch:
+    """Windows without some of them.
+
+    So many of the others come twice that there are as many as before: another number would be another program.
+
+    Args:
+        windows: All of them.
+        left_out: Indices of those that are to be left out, not all.
+
+    Returns:
+        The others, in their order.
+    """
+    others = np.setdiff1d(np.arange(windows.ts.shape[0]), left_out)
+    twice = others[np.linspace(0, len(others) - 1, len(left_out)).round().astype(int)]
+    return windows.take(np.sort(np.concatenate([others, twice])))

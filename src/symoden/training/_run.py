@@ -292,8 +292,8 @@ def run(
             state, report = stage.advance(state, is_over)
         except OutOfTime:
             return *_cut_short(stages, state, findings, watch), ()
-        disturbed: tuple[Span, ...] = ()
-        is_over, seconds = watch.is_up, watch.seconds
+        disturbed: tuple[Span, ...] | None = ()
+        clock, is_over, seconds = is_over, watch.is_up, watch.seconds
         done = stage.name, state.step, stage.steps, report.loss, report.validation, seconds
         now = Progress(*done, report.outcome, "" if report.verdict is None else str(report.verdict))
         lines.append({key: _json(value) for key, value in now._asdict().items()})
@@ -302,17 +302,25 @@ def run(
             # Why a stage was skipped says nothing of the training.
             findings = findings._replace(outcome=report.outcome) if state.step else findings
             ended, state = state.stage, _next(stages, state)
-            disturbed = () if screening is None else screening.after(ended, state)
-        if not disturbed:  # Else a run that goes on finds it again.
+            disturbed = () if screening is None else _looked(screening, ended, state, clock)
+        if disturbed == ():  # Else a run that goes on finds it again.
             journal.write(stages, state, findings, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             watch.report(now)
         over = watch.is_over()
         if disturbed:  # Where the time is over, too: a first stride without these spans is what a run goes on with.
             return state, findings, disturbed
-        if over and state.stage < len(stages):
+        if (over or disturbed is None) and state.stage < len(stages):
             return *_cut_short(stages, state, findings, watch), ()
     return state, findings, ()
+
+
+def _looked(screening: Screening, stage: int, state: TrainingState, clock: Clock) -> tuple[Span, ...] | None:
+    """All that is to be left out, if there is more than before; None if the time was over before that was known."""
+    try:
+        return screening.after(stage, state, clock)
+    except OutOfTime:
+        return None
 
 
 def _cut_short(
