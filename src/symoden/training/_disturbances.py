@@ -1,6 +1,7 @@
 """Moments at which something moves the machine that neither its inputs nor what was learned explains."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from symoden.spaces import Space
 from ._config import Span, TrainingConfig
 from ._data import Data, hold_out, regression_data
 from ._flatten import cast, freed
-from ._left_out import without
+from ._left_out import Contender, without
 from ._levenberg_stage import LevenbergStage
 from ._objective import AbstractObjective, Batch
 from ._relevance import Relevance, remembered
@@ -110,7 +111,8 @@ class Screening:
         free, weighing = freed(model), Weighing.plain(model.space.embedded_size + model.space.size)
         priors = remembered(state.memory, Relevance.start(model, self.config.prior))
         stage = LevenbergStage(self.data, self.config, "trimmed", _STEPS)
-        fitted = stage.contender(state._replace(weighing=weighing), model, free, priors)
+        step = functools.partial(stage.step, substeps=state.substeps, weighing=weighing, priors=priors)
+        fitted = Contender(model, free, step, _STEPS, self.config.damping)
         for _ in range(_ROUNDS):
             worst = np.argsort((left / np.median(left, axis=0)).max(axis=1))[-trimmed:]
             fitted = fitted._replace(model=fitted.refitted(without(windows, worst), is_over))

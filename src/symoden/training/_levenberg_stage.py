@@ -234,23 +234,6 @@ class LevenbergStage(AbstractStage):
         with np.errstate(over="ignore", invalid="ignore"):  # Where rollouts diverge; no such step is accepted.
             return levenberg_marquardt_step(state, restore, objective, batch, prior=prior, pin=pin)
 
-    def contender(
-        self, state: TrainingState, model: AbstractDynamics, corrections: int, priors: Relevance
-    ) -> Contender:
-        """A model that can be fitted to other windows as this stage does.
-
-        Args:
-            state: How finely to integrate, and what errors count.
-            model: The model.
-            corrections: Which kinds of them are free, as flags.
-            priors: Priors of its parameters.
-
-        Returns:
-            It, with the stage's number of steps.
-        """
-        step = functools.partial(self.step, substeps=state.substeps, weighing=state.weighing, priors=priors)
-        return Contender(model, corrections, step, self.steps, self.config.damping)
-
     def gains(self, step: LevenbergStep, judged: float, least: float) -> bool:
         """Whether a step is a reason to take more of them.
 
@@ -342,8 +325,8 @@ class LevenbergStage(AbstractStage):
             return None
         objective = self.objective(state.substeps, state.weighing)
         if self._refits:
-            ours = self.contender(state, best, self._free(best, before), state.memory)
-            theirs = self.contender(state, before, freed(before), state.incumbent.memory)
+            ours = self._contender(state, best, self._free(best, before), state.memory)
+            theirs = self._contender(state, before, freed(before), state.incumbent.memory)
             verdict = by_left_out(self.data, ours, theirs, objective, wanted=self.margin, is_over=is_over)
         else:
             verdict = by_validation(self.data, best, before, objective, last=state.model, wanted=self.margin)
@@ -352,6 +335,13 @@ class LevenbergStage(AbstractStage):
             verdict = verdict._replace(fitted=(ours, theirs))
         freed_too = self.learns and FRICTION & freed(best) & ~freed(state.incumbent.model)
         return verdict._replace(frees_friction=bool(freed_too))
+
+    def _contender(
+        self, state: TrainingState, model: AbstractDynamics, corrections: int, priors: Relevance
+    ) -> Contender:
+        """A model that can be fitted to other windows."""
+        step = functools.partial(self.step, substeps=state.substeps, weighing=state.weighing, priors=priors)
+        return Contender(model, corrections, step, self.steps, self.config.damping)
 
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""
