@@ -41,7 +41,8 @@ _EVENT: Final = _STRIDES + 1  # Windows that a short one is in.
 _TRIMMED: Final = 0.1  # Share of the windows that a fit goes without which they must not bend.
 _ROUNDS: Final = 2
 _STEPS: Final = 8  # Of each.
-_BENT: Final = 2.0  # Times better it then explains the usual window: without anything to bend a model 1.2, or 1.9.
+_BENT: Final = 2.0  # Times better it then explains the usual window: 1.2 at most where nothing had bent the model.
+_FINE: Final = 0.01  # Of what velocities change by: what is explained so well need not be explained better.
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,20 +106,23 @@ class Screening:
         """
         model, windows = cast(state.best, self.data.train.q.dtype), self.data.train
         trimmed = int(_TRIMMED * windows.ts.shape[0])
-        before = left = np.abs(_residuals(model, self.data.objective, windows))
-        if trimmed < 1 or not np.isfinite(left).all():
+        left = np.abs(_residuals(model, self.data.objective, windows))
+        usual = before = np.maximum(np.median(left, axis=0), _FINE)
+        if trimmed < 1 or not before.max() > _BENT * _FINE:
             return None
-        free, weighing = freed(model), Weighing.plain(model.space.embedded_size + model.space.size)
         priors = remembered(state.memory, Relevance.start(model, self.config.prior))
+        weighing = Weighing.plain(model.space.embedded_size + model.space.size)
         stage = LevenbergStage(self.data, self.config, "trimmed", _STEPS)
         step = functools.partial(stage.step, substeps=state.substeps, weighing=weighing, priors=priors)
-        fitted = Contender(model, free, step, _STEPS, self.config.damping)
         for _ in range(_ROUNDS):
-            worst = np.argsort((left / np.median(left, axis=0)).max(axis=1))[-trimmed:]
-            fitted = fitted._replace(model=fitted.refitted(without(windows, worst), is_over))
-            left = np.abs(_residuals(fitted.model, self.data.objective, windows))
-        gain = np.median(before, axis=0) / np.median(left, axis=0)
-        return fitted.model if gain.max() > _BENT else None
+            worst = np.argsort((left / usual).max(axis=1))[-trimmed:]
+            fitted = Contender(model, freed(model), step, _STEPS, self.config.damping)
+            model = fitted.refitted(without(windows, worst), is_over)
+            left = np.abs(_residuals(model, self.data.objective, windows))
+            usual = np.maximum(np.median(left, axis=0), _FINE)
+            if not (before / usual).max() > _BENT:
+                return None
+        return model
 
 
 def screening_of(
