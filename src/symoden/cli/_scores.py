@@ -247,11 +247,12 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source, *, own
     solver = evaluation_solver(config)
     if source.task is None:
         recordings = score_recordings(model, undisturbed(config, source.dataset), solver=solver)
-        disturbed = disturbed_tests(model, config, source, own=own)
+        failing = poor(recordings)
+        disturbed = () if failing else disturbed_tests(model, config, source, own=own)  # It would be the model's fault.
         return Scores(
             {"recordings": [asdict(recording) for recording in recordings], "disturbed": disturbed},
             _recordings(recordings, source.dataset.position_units, config.data.position_names),
-            poor(recordings) or by_heart(recordings) or diverging(recordings) or running_away(recordings),
+            failing or by_heart(recordings) or diverging(recordings) or running_away(recordings),
             share_of_motion(recordings),
             disturbed,
         )
