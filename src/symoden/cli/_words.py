@@ -121,8 +121,8 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
     if "V" in certain.undetermined:
         yield (
             'of V all is open: where neither gravity nor a spring acts, `V = "0"` under [known] says so, or `cyclic` '
-            "names the coordinates that nothing depends on; compare by `evaluate`. Where one does, on a coordinate that "
-            "no input acts on, its size beside M is what is open: give a mass or a moment of inertia"
+            "names the coordinates that nothing depends on; compare by `evaluate`. Where one does, on a coordinate "
+            "that no input acts on, its size beside M is what is open: give a mass or a moment of inertia"
         )
     if certain.accelerations and any(_DIAGONAL.fullmatch(entry) for entry in certain.undetermined):
         yield (
