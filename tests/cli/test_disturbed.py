@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from symoden.cli import _disturbed, _learned, _scores, main
+from symoden.cli import _disturbed, _learned, main
 from symoden.experiments import TrainingSummary, read_model, read_run, read_run_source, undisturbed, write_run
 
 from .conftest import write_untrained_run
@@ -61,7 +61,6 @@ def pushed(monkeypatch):
         return ((SPAN[1:],), *[()] * (len(recordings) - 1))
 
     monkeypatch.setattr(_disturbed, "find_disturbances", found)
-    monkeypatch.setattr(_scores, "poor", lambda *_: "")  # The model was not trained.
     return asked
 
 
@@ -83,15 +82,6 @@ def test_disturbances_of_test_recordings_are_named_and_marked(run, described, pu
     assert [(dataset.digest, spans, hold) for dataset, spans, hold in pushed] == [
         (own.digest, (SPAN,), hold) for hold in ("zero", "zero", "linear")
     ]
-
-
-def test_a_poor_model_tells_no_disturbances(run, pushed, monkeypatch, capsys):
-    monkeypatch.setattr(_scores, "poor", lambda *_: "hardly better than none")
-    assert main(["evaluate", str(run), "--json"]) == 0
-    printed = capsys.readouterr()
-    assert json.loads(printed.out.splitlines()[-1])["disturbed"] == []
-    assert "warning: hardly better than none" in printed.err
-    assert pushed == []
 
 
 def test_a_run_whose_data_are_gone_has_no_bands_and_says_so_before_its_scores(run, described, pushed, capsys):

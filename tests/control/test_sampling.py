@@ -2,6 +2,7 @@
 
 import re
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,8 +10,11 @@ import pytest
 from symoden import design
 from symoden.control import EnergyShaping, Loop, Method, Tracking, judge, run_episodes
 from symoden.control._sampling import check_period
+from symoden.systems import Pendulum
 
 from .conftest import CART_POLE, FULL, PENDULUM, slide
+
+PLAIN = slide(0.0)
 
 
 def longest(model, controller, target, method: Method = "energy-shaping"):
@@ -39,6 +43,37 @@ def test_design_refuses_a_period_whose_loop_does_not_arrive(method: Method, limi
     design(PENDULUM, [0.0], method=method, limits=limits, period=0.2)
     with pytest.raises(ValueError, match=rf"A period of 0.5 s is too long for {method}: .* Shorten the period"):
         design(PENDULUM, [0.0], method=method, limits=limits, period=0.5)
+
+
+@pytest.mark.parametrize(("gravity", "limits", "period"), [(10.0, 15.0, 0.5), (1.0, 25.0, 0.8), (10.0, 30.0, 2.0)])
+def test_the_period_that_is_named_and_shorter_ones_will_do(gravity, limits, period):
+    pendulum = Pendulum(gravity=gravity)
+    with pytest.raises(ValueError, match="too long for energy-shaping") as refused:
+        design(pendulum, [0.0], method="energy-shaping", limits=limits, period=period)
+    (named,) = map(float, re.findall(r"up to ([\d.e-]+) s", str(refused.value)))
+    for share in (1.0, 0.7, 0.3, 0.1):
+        design(pendulum, [0.0], method="energy-shaping", limits=limits, period=share * named)
+    with pytest.raises(ValueError, match="too long for energy-shaping"):
+        design(pendulum, [0.0], method="energy-shaping", limits=limits, period=1.15 * named)
+
+
+def test_inputs_at_their_limits_do_not_hide_it():
+    """Where an input is held at its limit, its derivative says nothing of what it does when it is not."""
+    swing = Tracking.of(PENDULUM, lambda t: jnp.array([1.0]) + 0.1 * t, frequency=5.0, limits=0.5)
+    assert longest(PENDULUM, swing, [0.0], method="tracking") == pytest.approx(0.2, rel=0.3)
+
+
+def test_what_neither_grows_nor_falls_is_no_reason():
+    """A slide that nothing but drag acts on comes to rest anywhere, as long as its target is left alone."""
+    with pytest.raises(ValueError, match="too long"):
+        check_period(PENDULUM, EnergyShaping.of(PENDULUM, [0.0]), jnp.zeros(1), 3.0, method="energy-shaping")
+    idle = eqx.tree_at(
+        lambda each: (each.stiffness, each.damping),
+        EnergyShaping.of(PLAIN, [0.0]),
+        (jnp.zeros(1), jnp.zeros((1, 1))),
+    )
+    for period in (0.02, 0.1, 1.0):
+        check_period(PLAIN, idle, jnp.zeros(1), period, method="energy-shaping")
 
 
 def test_a_controlled_lagrangian_is_made_for_continuous_control_too():

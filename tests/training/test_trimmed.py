@@ -11,12 +11,12 @@ from hypothesis import given, strategies as st
 
 from symoden.data import DataWarning
 from symoden.models import BlockConfig, ModelConfig
-from symoden.training import TrainingConfig, fit, hold_out
+from symoden.training import TrainingConfig, _disturbances, fit, hold_out
 from symoden.training._data import regression_data
 from symoden.training._disturbances import Screening, disturbed_spans
 from symoden.training._left_out import without
 from symoden.training._objective import Batch
-from symoden.training._stages import OutOfTime
+from symoden.training._prepare import prepare
 
 from .swings import SYSTEM, swings
 
@@ -72,7 +72,7 @@ def test_forces_that_hold_on_are_found_where_they_are_though_they_bend_the_model
         assert disturbed_spans(bent[0], data, dataset.train) == []
 
 
-def test_of_another_load_nothing_is_left_out():
+def test_of_another_load_nothing_is_left_out_but_the_moment_in_another_recording_is():
     """A whole recording, or most of one, is no moment."""
     dataset = swings(0, OTHER, count=12)
     data = windows_of(dataset)
@@ -94,25 +94,39 @@ def test_of_windows_without_some_there_are_as_many_and_none_of_these(count, draw
     assert max(np.bincount(others)) <= -(-len(left_out) // (count - len(left_out))) + 1
 
 
-def test_a_run_whose_time_ends_while_it_looks_looks_again(tmp_path, monkeypatch):
-    dataset = swings(0, {})
-    whole = fit(dataset, model=MODEL, config=BRIEF)
-
-    def too_late(self, state, is_over):
-        del state, is_over
-        raise OutOfTime
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Screening, "_unbent", too_late)
-        stopped = fit(dataset, model=MODEL, config=BRIEF, folder=tmp_path / "run")
-    assert not stopped.completed
+@pytest.mark.parametrize(
+    "config", [BRIEF, dataclasses.replace(BRIEF, growth_steps=0)], ids=["more follows", "the last"]
+)
+def test_a_run_whose_time_ends_while_it_looks_looks_again(tmp_path, monkeypatch, config):
+    dataset = swings(0, HELD)
+    with pytest.warns(DataWarning, match="left out of training"):
+        whole = fit(dataset, model=MODEL, config=config)
     looked = []
 
-    def looks(self, state, is_over):
+    def late(self, state, is_over):
+        """The time ends after the first fit of a look that was not the first stride's."""
         looked.append(state.stage)
-        return UNBENT(self, state, is_over)
+        calls = iter([False] * 3)
+        return UNBENT(self, state, lambda: next(calls, True))
 
-    monkeypatch.setattr(Screening, "_unbent", looks)
-    resumed = fit(dataset, model=MODEL, config=BRIEF, folder=tmp_path / "run", resume=True)
+    with monkeypatch.context() as patch:
+        patch.setattr(Screening, "_unbent", late)
+        stopped = fit(dataset, model=MODEL, config=config, folder=tmp_path / "run")
     assert len(looked) == 1
+    assert not stopped.completed
+    assert stopped.config.left_out is None
+    with pytest.warns(DataWarning, match="left out of training"):
+        resumed = fit(dataset, model=MODEL, config=config, folder=tmp_path / "run", resume=True)
+    assert resumed.completed
+    assert resumed.config == whole.config
     assert eqx.tree_equal(resumed.model, whole.model)
+
+
+def test_a_model_that_explains_all_is_not_fitted_again(monkeypatch):
+    monkeypatch.setattr(_disturbances, "Contender", lambda *_: pytest.fail("There is nothing to gain."))
+    dataset = swings(0, {}, noise=0.0)
+    with jax.enable_x64(True):
+        prepared = prepare(dataset, MODEL, CONFIG, screened=True)
+        assert prepared.screening is not None
+        state = prepared.state._replace(best=SYSTEM)
+        assert prepared.screening._unbent(state, lambda: False) is None

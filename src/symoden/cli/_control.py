@@ -146,7 +146,7 @@ def beyond_data(name: str, value: float, bounds: tuple[float, float], *, angle: 
         above = (value - low) % (2 * math.pi) - (high - low)
         below = 2 * math.pi - (value - low) % (2 * math.pi)
     away = min(above, below) if angle else max(above, below)
-    if away <= _OUTSIDE * (high - low):
+    if away <= max(_OUTSIDE * (high - low), Tolerance().position):
         return ""
     return (
         f"the target {number(value)} of `{name}` is {number(away)} outside its training data, {number(low)} to "

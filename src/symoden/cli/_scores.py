@@ -247,12 +247,11 @@ def scores_of(model: AbstractDynamics, config: RunConfig, source: Source, *, own
     solver = evaluation_solver(config)
     if source.task is None:
         recordings = score_recordings(model, undisturbed(config, source.dataset), solver=solver)
-        failing = poor(recordings)
-        disturbed = () if failing else disturbed_tests(model, config, source, own=own)  # It would be the model's fault.
+        disturbed = disturbed_tests(model, config, source, own=own)
         return Scores(
             {"recordings": [asdict(recording) for recording in recordings], "disturbed": disturbed},
             _recordings(recordings, source.dataset.position_units, config.data.position_names),
-            failing or by_heart(recordings) or diverging(recordings) or running_away(recordings),
+            poor(recordings) or by_heart(recordings) or diverging(recordings) or running_away(recordings),
             share_of_motion(recordings),
             disturbed,
         )

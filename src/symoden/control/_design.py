@@ -71,7 +71,7 @@ def design(
         method: How; `choose_method` decides if absent.
         limits: Largest magnitude of the inputs, one number or one for each; None for none.
         period: Control period [s] that regulators are optimal for, that bounds gains, and that must be short enough for
-            the sampled loop to be stable; None for continuous control.
+            laws made for continuous control; None for that.
         reference: q_d(t) for "tracking"; a slow swing about the target if absent.
         tell: Called with what is being done, where that takes long.
 

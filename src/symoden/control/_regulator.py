@@ -88,9 +88,13 @@ class Regulator(AbstractController):
         R = np.diag(units**-2)
         try:
             gain, P = _riccati(A, B, Q, R, period)
-            np.linalg.cholesky(np.linalg.inv(P))  # Of weak inputs and long periods, rounding leaves what is no cost.
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ValueError(f"The system cannot be stabilised at {goal.tolist()}: {error}.") from None
+        if not _spans_ellipsoids(P):
+            raise ValueError(
+                f"The system can be stabilised at {goal.tolist()} from so near alone that rounding hides it. Raise the "
+                "limits, or shorten the period."
+            )
         return cls(
             configurations=dynamics.space,
             target=goal,
@@ -197,8 +201,37 @@ def _riccati(
     if period is None:
         P = scipy.linalg.solve_continuous_are(A, B, Q, R)
         return np.linalg.solve(R, B.T @ P), P
-    s, m = B.shape
-    both = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, s + m))]]) * period)
-    A, B, Q, R = both[:s, :s], both[:s, s:], Q * period, R * period
+    A, B = held(A, B, period)
+    Q, R = Q * period, R * period
     P = scipy.linalg.solve_discrete_are(A, B, Q, R)
     return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A), P
+
+
+def held(
+    A: Float[np.ndarray, "s s"], B: Float[np.ndarray, "s m"], period: float
+) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s m"]]:
+    """What a linear system does in a period for which its inputs are held: e^{AT} and ∫₀ᵀ e^{As} ds B.
+
+    Args:
+        A: Of dx/dt = A x + B u.
+        B: The same.
+        period: T [s].
+
+    Returns:
+        Both matrices.
+
+    References:
+        Van Loan (1978), *Computing integrals involving the matrix exponential*.
+    """
+    s, m = B.shape
+    both = scipy.linalg.expm(np.block([[A, B], [np.zeros((m, s + m))]]) * period)
+    return both[:s, :s], both[:s, s:]
+
+
+def _spans_ellipsoids(P: Float[np.ndarray, "s s"]) -> bool:
+    """Whether xᵀ P x = level is an ellipsoid whose points can be drawn: by the inverse of P, as they are."""
+    try:
+        np.linalg.cholesky(np.linalg.inv(P))
+    except np.linalg.LinAlgError:
+        return False
+    return True

@@ -102,27 +102,34 @@ class Screening:
 
         References:
             Rousseeuw (1984), *Least median of squares regression*; Rousseeuw & Van Driessen (2006), *Computing LTS
-            regression for large data sets*: each such step lowers the trimmed sum of squares.
+            regression for large data sets*: steps like these, but that a window counts by its worst coordinate here,
+            and that priors have a say.
         """
         model, windows = cast(state.best, self.data.train.q.dtype), self.data.train
         trimmed = int(_TRIMMED * windows.ts.shape[0])
-        left = np.abs(_residuals(model, self.data.objective, windows))
-        usual = before = np.maximum(np.median(left, axis=0), _FINE)
+        left, before = self._left(model)
         if trimmed < 1 or not before.max() > _BENT * _FINE:
             return None
         priors = remembered(state.memory, Relevance.start(model, self.config.prior))
         weighing = Weighing.plain(model.space.embedded_size + model.space.size)
         stage = LevenbergStage(self.data, self.config, "trimmed", _STEPS)
         step = functools.partial(stage.step, substeps=state.substeps, weighing=weighing, priors=priors)
+        whole = Contender(model, freed(model), step, _ROUNDS * _STEPS, self.config.damping)
+        usual = before
         for _ in range(_ROUNDS):
             worst = np.argsort((left / usual).max(axis=1))[-trimmed:]
-            fitted = Contender(model, freed(model), step, _STEPS, self.config.damping)
-            model = fitted.refitted(without(windows, worst), is_over)
-            left = np.abs(_residuals(model, self.data.objective, windows))
-            usual = np.maximum(np.median(left, axis=0), _FINE)
+            model = whole._replace(model=model, steps=_STEPS).refitted(without(windows, worst), is_over)
+            left, usual = self._left(model)
             if not (before / usual).max() > _BENT:
                 return None
-        return model
+        # As many steps with all windows: it may not have been at the bottom.
+        _, without_trimming = self._left(whole.refitted(windows, is_over))
+        return model if (without_trimming / usual).max() > _BENT else None
+
+    def _left(self, model: AbstractDynamics) -> tuple[Float[np.ndarray, "B n"], Float[np.ndarray, " n"]]:
+        """What a model leaves of the changes of velocities in windows, and in the usual one, if that is much."""
+        left = np.abs(_residuals(model, self.data.objective, self.data.train))
+        return left, np.maximum(np.median(left, axis=0), _FINE)
 
 
 def screening_of(
@@ -217,7 +224,7 @@ def find_disturbances(
             return none
         usual = _Usual.of(model, data, (*held.train, *held.validation)).elsewhere(data, HOLDS[hold])
         looked = [usual.look(each) for each in recordings]
-    return tuple(each.momentary for each in looked)
+    return tuple(each.spans if each.is_momentary else () for each in looked)
 
 
 def _refuse_others(recordings: Sequence[Trajectory], dataset: Dataset) -> None:
@@ -256,12 +263,14 @@ def disturbed_spans(
     """
     usual = _Usual.of(model, data, recordings)
     looked = [usual.look(each, left_out=left_out) for each in recordings]
+    if bent:
+        looked = [each if each.is_momentary else each._replace(spans=(), disturbed=0) for each in looked]
     if sum(each.disturbed for each in looked) > (_TRIMMED if bent else _SELDOM) * sum(each.windows for each in looked):
         return []
     return [
         (whole_name(recording.name), *span)
         for recording, each in zip(recordings, looked, strict=True)
-        for span in (each.momentary if bent else each.spans)
+        for span in each.spans
     ]
 
 
@@ -273,9 +282,9 @@ class _Looked(NamedTuple):
     windows: int = 0
 
     @property
-    def momentary(self) -> tuple[tuple[float, float], ...]:
-        """The spans; none where they are much of the recording, and more than one short event makes."""
-        return self.spans if self.disturbed <= max(_EVENT, _OFTEN * self.windows) else ()
+    def is_momentary(self) -> bool:
+        """Whether they are not much of the recording, or no more than one short event makes."""
+        return self.disturbed <= max(_EVENT, _OFTEN * self.windows)
 
 
 @dataclass(frozen=True, eq=False)

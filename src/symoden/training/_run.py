@@ -290,10 +290,10 @@ def run(
         stage = stages[state.stage]
         try:
             state, report = stage.advance(state, is_over)
-        except OutOfTime:
+            after, disturbed = _gone_on(stages, state, screening, is_over) if report.finished else (state, ())
+        except OutOfTime:  # Also while it looked for disturbances: a run that goes on takes the last stride again.
             return *_cut_short(stages, state, findings, watch), ()
-        disturbed: tuple[Span, ...] | None = ()
-        clock, is_over, seconds = is_over, watch.is_up, watch.seconds
+        is_over, seconds = watch.is_up, watch.seconds
         done = stage.name, state.step, stage.steps, report.loss, report.validation, seconds
         now = Progress(*done, report.outcome, "" if report.verdict is None else str(report.verdict))
         lines.append({key: _json(value) for key, value in now._asdict().items()})
@@ -301,26 +301,25 @@ def run(
         if report.finished:
             # Why a stage was skipped says nothing of the training.
             findings = findings._replace(outcome=report.outcome) if state.step else findings
-            ended, state = state.stage, _next(stages, state)
-            disturbed = () if screening is None else _looked(screening, ended, state, clock)
-        if disturbed == ():  # Else a run that goes on finds it again.
+        state = after
+        if not disturbed:  # Else a run that goes on finds it again.
             journal.write(stages, state, findings, lines, seconds=seconds)
         if now.step or now.verdict:  # Else the stage had nothing to do, nor to be judged by.
             watch.report(now)
         over = watch.is_over()
         if disturbed:  # Where the time is over, too: a first stride without these spans is what a run goes on with.
             return state, findings, disturbed
-        if (over or disturbed is None) and state.stage < len(stages):
+        if over and state.stage < len(stages):
             return *_cut_short(stages, state, findings, watch), ()
     return state, findings, ()
 
 
-def _looked(screening: Screening, stage: int, state: TrainingState, clock: Clock) -> tuple[Span, ...] | None:
-    """All that is to be left out, if there is more than before; None if the time was over before that was known."""
-    try:
-        return screening.after(stage, state, clock)
-    except OutOfTime:
-        return None
+def _gone_on(
+    stages: Sequence[AbstractStage], state: TrainingState, screening: Screening | None, is_over: Clock
+) -> tuple[TrainingState, tuple[Span, ...]]:
+    """State after a stage that has ended, and all spans to leave out, if there are more than before."""
+    after = _next(stages, state)
+    return after, () if screening is None else screening.after(state.stage, after, is_over)
 
 
 def _cut_short(
