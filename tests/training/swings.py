@@ -6,10 +6,18 @@ import numpy as np
 
 from symoden.data import Dataset, Trajectory
 from symoden.integrate import RK4, rollout
+from symoden.models import BlockConfig, ModelConfig
 from symoden.systems import Pendulum
 
 STEP, SIZE = 0.02, 500
 SYSTEM = Pendulum(damping=0.2)
+MODEL = ModelConfig(
+    inverse_mass=BlockConfig(constant=True),
+    potential=BlockConfig(harmonics=True),
+    actuation=BlockConfig(constant=True),
+    friction=BlockConfig(constant=True),
+    knees=(),
+)
 
 
 def swing(name, generator, pushes=(), noise=0.0):

@@ -18,7 +18,7 @@ from symoden.data import (
     without_spans,
 )
 from symoden.integrate import HOLDS
-from symoden.models import KINDS, BlockConfig, ModelConfig
+from symoden.models import KINDS, ModelConfig
 from symoden.storage import StorageError
 from symoden.systems import Pendulum
 from symoden.training import TrainingConfig, _disturbances, _fit, fit, hold_out
@@ -28,7 +28,7 @@ from symoden.training._objective import Batch
 from symoden.training._prepare import prepare
 from symoden.training._weak_form import WeakForm
 
-from .swings import SIZE, STEP, SYSTEM, swings
+from .swings import MODEL, SIZE, STEP, SYSTEM, swings
 
 CONFIG = TrainingConfig()
 
@@ -194,13 +194,6 @@ def test_a_joint_that_seldom_moves_is_measured_while_it_does():
 PUSHED = {0: [(100, 105, 60.0)], 1: [(480, 485, -60.0)]}
 BRIEF = TrainingConfig(
     restarts=1, adam_steps=200, batch_size=32, lm_steps=3, growth_steps=1, relevance_steps=2, lm_substeps=1
-)
-MODEL = ModelConfig(
-    inverse_mass=BlockConfig(constant=True),
-    potential=BlockConfig(harmonics=True),
-    actuation=BlockConfig(constant=True),
-    friction=BlockConfig(constant=True),
-    knees=(),
 )
 
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, strategies as st
 
 from symoden.data import DataWarning
-from symoden.models import BlockConfig, ModelConfig
 from symoden.training import TrainingConfig, _disturbances, fit, hold_out
 from symoden.training._data import regression_data
 from symoden.training._disturbances import Screening, disturbed_spans
@@ -18,16 +17,9 @@ from symoden.training._left_out import without
 from symoden.training._objective import Batch
 from symoden.training._prepare import prepare
 
-from .swings import SYSTEM, swings
+from .swings import MODEL, SYSTEM, swings
 
 CONFIG = TrainingConfig(restarts=1, adam_steps=200, batch_size=32, lm_steps=10, growth_steps=10, relevance_steps=10)
-MODEL = ModelConfig(
-    inverse_mass=BlockConfig(constant=True),
-    potential=BlockConfig(harmonics=True),
-    actuation=BlockConfig(constant=True),
-    friction=BlockConfig(constant=True),
-    knees=(),
-)
 BRIEF = dataclasses.replace(CONFIG, lm_steps=3, growth_steps=1, relevance_steps=2, lm_substeps=1)
 UNBENT = Screening._unbent
 HELD = {1: [(150, 225, 8.0)], 2: [(400, 440, -8.0)]}
