@@ -8,9 +8,9 @@ from ._errors import DataError
 SHOWN_SPANS: Final = 20  # single rows of a finding that are marked, at most
 
 Kind: TypeAlias = Literal[
-    "missing", "line", "impossible", "gap", "time", "stuck", "unit", "sign", "velocity", "slope", "wrap", "jump",
-    "order", "clocks", "spike", "blind", "saturation", "rounding", "zero", "idle", "feedback", "delay", "hold", "copy",
-    "unlike", "cyclic", "refused",
+    "missing", "line", "impossible", "gap", "time", "stuck", "held", "unit", "sign", "velocity", "slope", "wrap",
+    "jump", "order", "clocks", "spike", "blind", "saturation", "rounding", "zero", "idle", "feedback", "delay", "hold",
+    "copy", "unlike", "cyclic", "refused",
 ]  # fmt: skip
 Level: TypeAlias = Literal["note", "masked", "warning", "refused"]
 

@@ -11,6 +11,7 @@ from symoden.data.description import Description
 from symoden.data.logs import ChannelFacts, Facts, find_stuck
 
 from ._accuracy import SlopeComparison, compare_with_slopes, find_inaccurate
+from ._held import find_held
 from ._mismatch import find_mismatches
 
 _SAME = 0.03
@@ -60,6 +61,7 @@ def examine(
     slopes = compare_with_slopes(facts)
     findings = (
         *(stuck := find_stuck(facts)),
+        *find_held(facts),
         *([clock] if clock else find_mismatches(facts, stuck)),
         *lone,
         *_saturation(facts),
