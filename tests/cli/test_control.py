@@ -1,5 +1,6 @@
 """What `symoden control` prints and writes."""
 
+import dataclasses
 import json
 import re
 import subprocess
@@ -14,7 +15,16 @@ from symoden.cli import _checks, _control, main
 from symoden.cli._control import beyond_data, hardly_moves
 from symoden.control import METHODS
 from symoden.evaluation import Ranges
-from symoden.experiments import RunConfig, learned_machine, machine_of, read_model, read_source, summarize, write_run
+from symoden.experiments import (
+    RunConfig,
+    learned_machine,
+    machine_of,
+    read_model,
+    read_run,
+    read_source,
+    summarize,
+    write_run,
+)
 from symoden.known import KnownParts
 from symoden.models import build, save
 from symoden.spaces import Space
@@ -255,6 +265,17 @@ def test_a_target_well_outside_the_data_is_named():
     assert beyond_data("x", -0.6, (-0.5, 0.5), angle=False).startswith("the target -0.6 of `x` is 0.1 outside")
     assert not beyond_data("x", 0.52, (-0.5, 0.5), angle=False)
     assert not beyond_data("x", 0.1, (-0.5, 0.5), angle=False)
+
+
+@pytest.mark.parametrize("cyclic", [(), (0,)])
+def test_along_what_nothing_depends_on_no_target_is_far(arm, tmp_path, capsys, cyclic):
+    run = write_untrained_run(tmp_path / "run", arm)
+    config = read_run(run)
+    ranges = dataclasses.replace(config.data.ranges, positions=((-0.1, 0.1),), cyclic=cyclic)
+    write_run(run, dataclasses.replace(config, data=dataclasses.replace(config.data, ranges=ranges)))
+    assert main(["control", str(run), "--target", "0.5", *QUICK]) == 0
+    warned = "warning: the target 0.5 of `q` is 0.4 outside its training data" in capsys.readouterr().err
+    assert warned == (not cyclic)
 
 
 @pytest.mark.parametrize("turns", [-2, 0, 1, 300])

@@ -26,8 +26,10 @@ def run(command: Evaluate) -> None:
     config = read_run(command.run)
     model = read_model(command.run)
     name_unfinished(config)
-    own = own_source(config) if command.source is None or command.bands else None
-    source = read_run_source(config, command.source) if own is None or command.source is not None else own
+    if command.source is None:
+        source = own = own_source(config)
+    else:
+        source, own = read_run_source(config, command.source), own_source(config) if command.bands else None
     scores = report_scores(model, config, source, own=own, json=command.general.json)
     bands, score, missing = None, None, ""
     if command.bands and own is not None:

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, friction_matrix, gradient
 from symoden.shapes import Coordinates, InputMatrix, Inputs, SquareMatrix, Velocities
@@ -72,6 +73,39 @@ def velocity_field(
     slope = dynamics.derivative(jnp.zeros((), q.dtype), state, u)
     _, (q_dot, v_dot) = jax.jvp(lambda state: velocities_of(dynamics, state), (state,), (slope,))
     return q_dot, v_dot
+
+
+def state_rates(dynamics: AbstractDynamics, q: Coordinates, v: Velocities, u: Inputs) -> Float[Array, " s"]:
+    """The same in a row.
+
+    Args:
+        dynamics: System or model.
+        q: Coordinates.
+        v: Velocities.
+        u: Inputs.
+
+    Returns:
+        q̇, then v̇.
+    """
+    return jnp.concatenate(velocity_field(dynamics, q, v, u))
+
+
+def jacobians(
+    dynamics: AbstractDynamics, q: Coordinates, v: Velocities, u: Inputs
+) -> tuple[Float[Array, "s s"], Float[Array, "s m"]]:
+    """How the rates of (q, v) change with these and with the inputs.
+
+    Args:
+        dynamics: System or model.
+        q: Coordinates.
+        v: Velocities.
+        u: Inputs.
+
+    Returns:
+        A and B of the linearised system.
+    """
+    by_q, by_v, by_u = jax.jacfwd(state_rates, argnums=(1, 2, 3))(dynamics, q, v, u)
+    return jnp.concatenate([by_q, by_v], axis=1), by_u
 
 
 def rates_of(dynamics: AbstractDynamics, q: Coordinates, v: Velocities) -> Velocities:

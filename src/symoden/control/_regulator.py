@@ -14,7 +14,7 @@ from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
-from ._motion import velocity_field
+from ._motion import jacobians, state_rates, velocity_field
 
 _REST = 1e-6
 
@@ -160,19 +160,14 @@ def _linearize(dynamics: AbstractDynamics, target: Coordinates) -> tuple:
     """Jacobians in one compiled program."""
     still = jnp.zeros_like(target)
     none = jnp.zeros(dynamics.inputs, target.dtype)
-
-    def field(q: Coordinates, v: Velocities, u: Inputs) -> Float[Array, " s"]:
-        return jnp.concatenate(velocity_field(dynamics, q, v, u))
-
     n = dynamics.space.size
-    drift = field(target, still, none)
-    input_effect = jax.jacfwd(field, argnums=2)(target, still, none)
+    drift = state_rates(dynamics, target, still, none)
+    input_effect = jax.jacfwd(state_rates, argnums=3)(dynamics, target, still, none)
     root = jnp.eye(n, dtype=target.dtype)
     if isinstance(dynamics, AbstractPortHamiltonian):
         root = jnp.linalg.cholesky(dynamics.mass_matrix(target)).T
     hold = -jnp.linalg.lstsq(root @ input_effect[n:], root @ drift[n:])[0]
-    by_q, by_v, by_u = jax.jacfwd(field, argnums=(0, 1, 2))(target, still, hold)
-    return jnp.concatenate([by_q, by_v], axis=1), by_u, hold
+    return *jacobians(dynamics, target, still, hold), hold
 
 
 def remaining_motion(dynamics: AbstractDynamics, target: Coordinates, hold: Inputs) -> Float[np.ndarray, " s"]:

@@ -14,7 +14,7 @@ from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 
 from ._controller import AbstractController, as_array
 from ._judge import Tolerance
-from ._motion import velocity_field
+from ._motion import jacobians
 from ._regulator import held
 from ._tracking import Tracking
 
@@ -100,11 +100,8 @@ def _jacobians(
     q, v = controller.wanted(start)[:2] if isinstance(controller, Tracking) else (target, jnp.zeros_like(target))
     v = v + as_array(Tolerance().velocity)
 
-    def field(q: Coordinates, v: Velocities, u: Inputs) -> Float[Array, " s"]:
-        return jnp.concatenate(velocity_field(model, q, v, u))
-
     def feedback(q: Coordinates, v: Velocities, t: Scalar = start) -> Inputs:
         return controller(q, v, t)
 
-    by_q, by_v, by_u = jax.jacfwd(field, argnums=(0, 1, 2))(q, v, feedback(q, v))
-    return jnp.concatenate([by_q, by_v], axis=1), by_u, jnp.concatenate(jax.jacfwd(feedback, (0, 1))(q, v), axis=1)
+    A, B = jacobians(model, q, v, feedback(q, v))
+    return A, B, jnp.concatenate(jax.jacfwd(feedback, (0, 1))(q, v), axis=1)

@@ -30,10 +30,10 @@ def find_held(facts: Facts) -> list[Finding]:
         One finding, or none.
     """
     gaps = np.flatnonzero(np.diff(facts.ts) > facts.longest)
-    piece = slice(0, int(gaps[0]) + 1 if gaps.size else len(facts.ts))
+    way = facts.way[: int(gaps[0]) + 1 if gaps.size else None]
     # Where samples are rare, what is taken for noise is motion; of few rows, noise is no more than guessed.
-    for noise in (np.std(facts.way[piece][:_LEAST_ROWS], axis=0), [one.noise for one in facts.positions]):
-        if found := _let_go(facts, piece, np.asarray(noise)):
+    for noise in (np.std(way[:_LEAST_ROWS], axis=0), [one.noise for one in facts.positions]):
+        if found := _let_go(facts, np.abs(way - way[0]), np.asarray(noise)):
             name, span = found
             return [
                 Finding(
@@ -50,9 +50,9 @@ def find_held(facts: Facts) -> list[Finding]:
     return []
 
 
-def _let_go(facts: Facts, piece: slice, noise: Float[np.ndarray, " n"]) -> tuple[str, float] | None:
-    """Position that goes off at once, and for how long it stood still; None if none does."""
-    ts, away = facts.ts[piece] - facts.ts[0], np.abs(facts.way[piece] - facts.way[0])
+def _let_go(facts: Facts, away: Float[np.ndarray, "T n"], noise: Float[np.ndarray, " n"]) -> tuple[str, float] | None:
+    """Position that goes off at once, and for how long it stood still, in the first rows; None if none does."""
+    ts = facts.ts[: len(away)] - facts.ts[0]
     ways, rounding = away.max(axis=0), np.array([one.quantum for one in facts.positions])
     still = np.maximum.reduce([_ROUNDINGS * rounding, _NOISES * noise, _FINEST * ways])
     first = int(np.argmax((away > still).any(axis=1)))
@@ -62,7 +62,7 @@ def _let_go(facts: Facts, piece: slice, noise: Float[np.ndarray, " n"]) -> tuple
     for i in np.flatnonzero(ways > _RESOLVED * still):
         early, later = (_reached(ts, away[:, i], share * ways[i], first) - span for share in (_EARLY, _LATER))
         end = int(np.searchsorted(ts, span + later))
-        unmoved = np.all(np.ptp(facts.us[piece][: end + 1], axis=0) <= [one.quantum for one in facts.inputs])
+        unmoved = np.all(np.ptp(facts.us[: end + 1], axis=0) <= [one.quantum for one in facts.inputs])
         if unmoved and end > first and span >= _LONG * early and later >= _AT_ONCE * early:
             return facts.positions[i].name, span
     return None
