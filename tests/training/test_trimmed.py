@@ -13,9 +13,10 @@ from symoden.data import DataWarning
 from symoden.training import TrainingConfig, _disturbances, fit, hold_out
 from symoden.training._data import regression_data
 from symoden.training._disturbances import Screening, disturbed_spans
-from symoden.training._left_out import without
+from symoden.training._left_out import Contender, without
 from symoden.training._objective import Batch
 from symoden.training._prepare import prepare
+from symoden.training._stages import never
 
 from .swings import MODEL, SYSTEM, swings
 
@@ -93,18 +94,23 @@ def test_a_run_whose_time_ends_while_it_looks_looks_again(tmp_path, monkeypatch,
     dataset = swings(0, HELD)
     with pytest.warns(DataWarning, match="left out of training"):
         whole = fit(dataset, model=MODEL, config=config)
-    looked = []
+    looked, fits, refitted = [], [], Contender.refitted
+
+    def counted(self, windows, is_over=never):
+        fits.append(self.steps)
+        return refitted(self, windows, is_over)
 
     def late(self, state, is_over):
-        """The time ends after the first fit of a look that was not the first stride's."""
+        """The time ends in the first fit."""
         looked.append(state.stage)
         calls = iter([False] * 3)
         return UNBENT(self, state, lambda: next(calls, True))
 
     with monkeypatch.context() as patch:
         patch.setattr(Screening, "_unbent", late)
+        patch.setattr(Contender, "refitted", counted)
         stopped = fit(dataset, model=MODEL, config=config, folder=tmp_path / "run")
-    assert len(looked) == 1
+    assert (len(looked), len(fits)) == (1, 1)
     assert not stopped.completed
     assert stopped.config.left_out is None
     with pytest.warns(DataWarning, match="left out of training"):
