@@ -9,13 +9,19 @@ from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractDynamics
 
-from ._controller import as_array
+from ._controller import Limits, Target, as_array
 from ._follower import Follower
 from ._handover import Handover
 from ._judge import Tolerance
 from ._loop import Loop, run_episodes
 from ._regulator import Regulator
 
+STIFFNESS: Final = (1.0, 3.0, 10.0)
+"""How stiff regulators are tried."""
+
+_NEARLY: Final = 0.9  # As often as any.
+_QUICK: Final = 0.01  # [s]
+_DURATION: Final = 6.0  # [s]
 _DIRECTIONS: Final = 48
 _LEVELS: Final = 16
 _SMALLEST: Final = 1e-3
@@ -28,7 +34,12 @@ _AFTER: Final = 2.0
 
 
 def attraction(
-    dynamics: AbstractDynamics, regulator: Regulator, *, period: float = 0.01, duration: float = 6.0, seed: int = 0
+    dynamics: AbstractDynamics,
+    regulator: Regulator,
+    *,
+    period: float = _QUICK,
+    duration: float = _DURATION,
+    seed: int = 0,
 ) -> float:
     """Level c of the cost to go below which the model, so controlled, always comes near its target.
 
@@ -46,23 +57,68 @@ def attraction(
     Returns:
         The level c; zero if none is safe.
     """
-    generator = np.random.default_rng(seed)
-    inverse = np.linalg.inv(np.asarray(regulator.cost))
-    s, n = len(inverse), regulator.space.size
-    # An angle may reach half a turn, a length and a speed as much.
-    levels = np.geomspace(_SMALLEST, 1.0, _LEVELS) * np.pi**2 / np.diag(inverse)[:n].max()
-    x = np.sqrt(levels)[:, None, None] * (_sphere(generator, s) @ np.linalg.cholesky(inverse).T)
-    q0, v0 = np.split(x.reshape(-1, s), 2, axis=1)
-    loop = Loop(duration=duration, period=period, step=period)
-    episodes = run_episodes(dynamics, regulator, q0 + np.asarray(regulator.target), v0, loop)
-    left, away = (x.reshape(_LEVELS, -1) for x in _ends(regulator, episodes.q[:, -1], episodes.v[:, -1]))
+    levels, q0, v0 = _ellipsoids(regulator, seed)
+    ends = _followed(dynamics, regulator, q0, v0, period, duration)
+    left, away = (each.reshape(_LEVELS, -1) for each in ends)
     with np.errstate(invalid="ignore"):
         good = ((left <= _CALMED * levels[:, None]) | (away <= 1)).all(axis=1)
     count = _LEVELS if good.all() else int(np.argmin(good))
     return float(_SHARE * levels[count - 1]) if count else 0.0
 
 
-def follower_level(dynamics: AbstractDynamics, controller: Handover, *, period: float = 0.01, seed: int = 0) -> float:
+def by_stiffness(
+    dynamics: AbstractDynamics, target: Target, *, limits: Limits = None, period: float | None = None
+) -> list[Regulator]:
+    """Make regulators, first the softest that brings the model home nearly as often as any; then from soft to stiff.
+
+    What friction and weak inputs leave beside a target is a matter of gains, which no linearisation tells: a cart that
+    dry friction holds creeps to it in half a minute, or in two seconds with three times the gains. Too stiff, inputs
+    are at their limits most of the time.
+
+    Args:
+        dynamics: System or model.
+        target: Configuration to hold.
+        limits: Largest magnitude of the inputs; None for none.
+        period: Control period [s] for which gains are optimal; None for continuous control.
+
+    Returns:
+        The regulators; such that there are none of, for their period or for rounding, are left out.
+
+    Raises:
+        ValueError: If holding the target takes more than the limits, or the linearised system cannot be stabilised.
+    """
+    softest = Regulator.of(dynamics, target, limits=limits, period=period)
+    _, q0, v0 = _ellipsoids(softest, seed=0)
+    made, shares = [], []
+    for stiffness in STIFFNESS:
+        try:
+            regulator = Regulator.of(dynamics, target, limits=limits, period=period, stiffness=stiffness)
+        except ValueError:  # Too stiff for its period, or for digits.
+            break
+        _, away = _followed(dynamics, regulator, q0, v0, simulated_period(period), _DURATION)
+        made.append(regulator)
+        with np.errstate(invalid="ignore"):
+            shares.append(float((away <= 1).mean()))
+        if shares[0] >= _NEARLY:
+            break
+    enough = _NEARLY * max(shares)
+    first = next(i for i, share in enumerate(shares) if share >= enough)
+    return [made.pop(first), *made]
+
+
+def simulated_period(period: float | None) -> float:
+    """Control period of simulations on a model: as long as wanted, or as is short enough.
+
+    Args:
+        period: Control period that is wanted [s]; None for continuous control.
+
+    Returns:
+        The period [s].
+    """
+    return _QUICK if period is None else max(period, _QUICK)
+
+
+def follower_level(dynamics: AbstractDynamics, controller: Handover, *, period: float = _QUICK, seed: int = 0) -> float:
     """Largest cost to go at which following a motion brings the model to its target nearly always.
 
     Args:
@@ -95,6 +151,33 @@ def follower_level(dynamics: AbstractDynamics, controller: Handover, *, period: 
         good = (costs < float(controller.level)).mean(axis=1) >= _ENOUGH
     count = len(_FUNNELS) if good.all() else int(np.argmin(good))
     return float(_FUNNELS[max(count - 1, 0)])
+
+
+def _ellipsoids(
+    regulator: Regulator, seed: int
+) -> tuple[Float[np.ndarray, " l"], Float[np.ndarray, "k n"], Float[np.ndarray, "k n"]]:
+    """Levels of the cost to go, and states on them, one level after the other."""
+    generator = np.random.default_rng(seed)
+    inverse = np.linalg.inv(np.asarray(regulator.cost))
+    s, n = len(inverse), regulator.space.size
+    # An angle may reach half a turn, a length and a speed as much.
+    levels = np.geomspace(_SMALLEST, 1.0, _LEVELS) * np.pi**2 / np.diag(inverse)[:n].max()
+    x = np.sqrt(levels)[:, None, None] * (_sphere(generator, s) @ np.linalg.cholesky(inverse).T)
+    q0, v0 = np.split(x.reshape(-1, s), 2, axis=1)
+    return levels, q0 + np.asarray(regulator.target), v0
+
+
+def _followed(
+    dynamics: AbstractDynamics,
+    regulator: Regulator,
+    q0: Float[np.ndarray, "k n"],
+    v0: Float[np.ndarray, "k n"],
+    period: float,
+    duration: float,
+) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+    """Where the model ends that a regulator controls, as `_ends` says it."""
+    episodes = run_episodes(dynamics, regulator, q0, v0, Loop(duration=duration, period=period, step=period))
+    return _ends(regulator, episodes.q[:, -1], episodes.v[:, -1])
 
 
 def _sphere(generator: np.random.Generator, size: int) -> Float[np.ndarray, "k s"]:

@@ -10,7 +10,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates
 from symoden.wording import number
 
-from ._attraction import attraction
+from ._attraction import attraction, by_stiffness, simulated_period
 from ._controller import as_array
 from ._judge import Tolerance
 from ._regulator import Regulator, linearize, remaining_motion
@@ -37,10 +37,10 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
 
     def holds(limits: tuple[float, ...], period: float | None) -> bool:
         try:
-            other = Regulator.of(model, target, limits=limits, period=period)
+            others = by_stiffness(model, target, limits=limits, period=period)
         except ValueError:  # There is none.
             return False
-        return attraction(model, other, period=_QUICK if period is None else max(period, _QUICK)) > 0
+        return any(attraction(model, each, period=simulated_period(period)) > 0 for each in others)
 
     limits = tuple(regulator.limits.tolist())
     A, B, _ = linearize(model, regulator.target)

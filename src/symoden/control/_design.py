@@ -12,19 +12,19 @@ from jaxtyping import Array, Float
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential, refuse_no_system
 from symoden.shapes import Coordinates, Scalar
 
-from ._attraction import attraction, follower_level
+from ._attraction import attraction, by_stiffness, follower_level, simulated_period
 from ._causes import why_not_held
 from ._controller import AbstractController, Limits, Target, as_array, input_limits
 from ._follower import Follower
 from ._handover import Handover
 from ._ida_pbc import IdaPbc
 from ._lagrangian import ControlledLagrangian
+from ._loop import run_episodes
 from ._plan import plan_motion
 from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate
-from ._regulator import Regulator
 from ._sampling import check_period
 from ._scales import bandwidth, configurations, energy_range, static_load
-from ._search import searched
+from ._search import SEARCHED, searched
 from ._shaping import EnergyShaping
 from ._tracking import Reference, Tracking
 
@@ -36,7 +36,6 @@ Tell: TypeAlias = Callable[[str], None]
 """Called with a line of text about what is being done."""
 
 _STARTS: Final = 16
-_PERIOD: Final = 0.01
 _CYCLIC: Final = 0.02
 _NEWTON: Final = 5
 _LEISURE: Final = 0.63  # Of the system's own rate [rad/s].
@@ -96,7 +95,8 @@ def design(
         )
     chosen = choose_method(model, target, limits=limits) if method is None else method
     if chosen == "lqr":
-        return Regulator.of(model, target, limits=limits, period=period)
+        tell("trying how stiff the regulator must be")
+        return by_stiffness(model, target, limits=limits, period=period)[0]
     if not isinstance(model, AbstractPortHamiltonian):
         raise ValueError(f"The method {chosen!r} needs a model with an energy; got {type(model).__name__}. Use 'lqr'.")
     match chosen:
@@ -164,10 +164,11 @@ def _swing_up(
     if not np.isfinite(input_limits(limits, model.inputs)).all():
         raise ValueError("Swing-up needs limits of the inputs: what would be planned without them has no bound.")
     _check_height(model, target, limits)
-    simulated = _PERIOD if period is None else max(period, _PERIOD)
-    near = Regulator.of(model, target, limits=limits, period=period)
+    simulated = simulated_period(period)
     tell("simulating the model under its regulator")
-    level = attraction(model, near, period=simulated)
+    regulators = by_stiffness(model, target, limits=limits, period=period)
+    tried = ((each, attraction(model, each, period=simulated)) for each in regulators)
+    near, level = next((each for each in tried if each[1] > 0), (regulators[0], 0.0))
     if level == 0:
         raise ValueError(why_not_held(model, near, period))
 
@@ -178,7 +179,10 @@ def _swing_up(
         return hand_over(EnergyPump.of(model, target, limits=limits))
     if _rides(model, target):
         tell("searching swing-up gains on the model")
-        return searched(model, hand_over(CollocatedPump.of(model, target, limits=limits)), *_anywhere(model, target))
+        starts = _anywhere(model, target)
+        pumped = searched(model, hand_over(CollocatedPump.of(model, target, limits=limits)), *starts)
+        if _arrives(model, pumped, *starts):
+            return pumped
     tell("planning a motion on the model")
     motion = plan_motion(model, lowest(model, target), target, limits=limits)
     follower = Follower.of(model, motion, near)
@@ -217,6 +221,19 @@ def _anywhere(
     q = np.asarray(target) + generator.uniform(-1, 1, (_STARTS, n)) * size
     speed = np.where(model.space.is_angle, 0.5 * bandwidth(model, target), 0.0)
     return q, generator.uniform(-1, 1, (_STARTS, n)) * speed
+
+
+def _arrives(
+    model: AbstractPortHamiltonian,
+    controller: Handover,
+    q0: Float[np.ndarray, "k n"],
+    v0: Float[np.ndarray, "k n"],
+) -> bool:
+    """Whether the model comes to where the regulator takes over, from any of the states that lie elsewhere."""
+    episodes = run_episodes(model, controller, q0, v0, SEARCHED)
+    cost = jax.vmap(controller.near.desired_energy)
+    outside = cost(episodes.q[:, 0], episodes.v[:, 0]) >= controller.level
+    return bool((outside & (cost(episodes.q[:, -1], episodes.v[:, -1]) < controller.level)).any())
 
 
 def lowest(model: AbstractPortHamiltonian, target: Coordinates) -> Coordinates:

@@ -14,6 +14,7 @@ from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
+from ._judge import Tolerance
 from ._motion import jacobians, state_rates, velocity_field
 
 _REST = 1e-6
@@ -54,18 +55,29 @@ class Regulator(AbstractController):
 
     @classmethod
     def of(
-        cls, dynamics: AbstractDynamics, target: Target, *, limits: Limits = None, period: float | None = None
+        cls,
+        dynamics: AbstractDynamics,
+        target: Target,
+        *,
+        limits: Limits = None,
+        period: float | None = None,
+        stiffness: float = 1.0,
     ) -> "Regulator":
         """Linearise, and solve the Riccati equation.
 
         A deviation of 1 rad or 1 m weighs as much as its speed ω, the linearised system's fastest rate, and as much as
-        an input at its limit; without limits, as an input that accelerates the system by ω² there.
+        an input at its limit; without limits, as an input that accelerates the system by ω² there. Stiffer, a smaller
+        deviation does. `by_stiffness` finds how stiff a system asks for.
+
+        Friction counts as it is at the speed that counts as rest (`Tolerance`). At rest dry friction seems to hold
+        everything, and what is optimal with it brakes too little where it moves.
 
         Args:
             dynamics: System or learned model, one without energy included.
             target: Configuration to hold.
             limits: Largest magnitude of the inputs; None for none.
             period: Control period [s] for which the gain is optimal; None for continuous control.
+            stiffness: A deviation of so many times less weighs as much.
 
         Returns:
             The controller.
@@ -75,7 +87,7 @@ class Regulator(AbstractController):
         """
         goal = as_array(target)
         bounds = input_limits(limits, dynamics.inputs)
-        A, B, hold = linearize(dynamics, goal)
+        A, B, hold = linearize(dynamics, goal, speed=Tolerance().velocity)
         if not np.all(np.abs(hold) < bounds):
             raise ValueError(
                 f"The limits must exceed what holding the target takes, {np.abs(hold).round(3).tolist()}; they are "
@@ -85,7 +97,7 @@ class Regulator(AbstractController):
         omega = max(1.0, float(np.sqrt(np.abs(np.linalg.eigvals(A[n:, :n])).max())))
         units = np.where(np.isfinite(bounds), bounds, omega**2 / np.linalg.norm(B[n:], axis=0))
         Q = np.diag(np.repeat([1.0, omega**-2], n))
-        R = np.diag(units**-2)
+        R = np.diag((stiffness * units) ** -2)
         try:
             gain, P = _riccati(A, B, Q, R, period)
         except (np.linalg.LinAlgError, ValueError) as error:
@@ -136,7 +148,7 @@ class Regulator(AbstractController):
 
 
 def linearize(
-    dynamics: AbstractDynamics, target: Coordinates
+    dynamics: AbstractDynamics, target: Coordinates, *, speed: float = 0.0
 ) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s m"], Float[np.ndarray, " m"]]:
     """Linearise about rest at a configuration, in (q, v).
 
@@ -144,6 +156,8 @@ def linearize(
         dynamics: System or model.
         target: Configuration; with `u*` it is an equilibrium as nearly as the inputs allow: of all inputs it leaves the
             least constraint aᵀ M a of the accelerations a, whatever the coordinates' units.
+        speed: Slopes with velocities are secants from less to more by so much; 0 for those at rest, where dry friction
+            is far steeper than at any speed that matters.
 
     Returns:
         A, B and `u*`: d(e, v)/dt = A (e, v) + B (u − `u*`).
@@ -152,6 +166,9 @@ def linearize(
         Gauss (1829), *Über ein neues allgemeines Grundgesetz der Mechanik*: least constraint.
     """
     A, B, hold = _linearize(dynamics, target)
+    if speed:
+        slopes = _secants(dynamics, target, hold, jnp.asarray(speed, target.dtype))
+        A = A.at[dynamics.space.size :, dynamics.space.size :].set(slopes)
     return np.asarray(A, float), np.asarray(B, float), np.asarray(hold, float)
 
 
@@ -168,6 +185,17 @@ def _linearize(dynamics: AbstractDynamics, target: Coordinates) -> tuple:
         root = jnp.linalg.cholesky(dynamics.mass_matrix(target)).T
     hold = -jnp.linalg.lstsq(root @ input_effect[n:], root @ drift[n:])[0]
     return *jacobians(dynamics, target, still, hold), hold
+
+
+@eqx.filter_jit
+def _secants(dynamics: AbstractDynamics, target: Coordinates, hold: Inputs, speed: Scalar) -> Float[Array, "n n"]:
+    """How accelerations change with each velocity, from −speed to speed: of viscous friction its slope, of dry less."""
+
+    def accelerations(v: Velocities) -> Velocities:
+        return velocity_field(dynamics, target, v, hold)[1]
+
+    each = speed * jnp.eye(len(target), dtype=target.dtype)
+    return (jax.vmap(accelerations)(each) - jax.vmap(accelerations)(-each)).T / (2 * speed)
 
 
 def remaining_motion(dynamics: AbstractDynamics, target: Coordinates, hold: Inputs) -> Float[np.ndarray, " s"]:

@@ -14,6 +14,9 @@ from ._handover import Handover
 from ._loop import Loop, close_loop
 from ._pumps import CollocatedPump
 
+SEARCHED: Final = Loop(duration=12.0, period=0.01, step=0.01)
+"""How the loop is closed in the simulations."""
+
 _CANDIDATES: Final = 32
 _ELITE: Final = 6
 _SPREAD: Final = 0.6
@@ -27,7 +30,7 @@ def searched(
     v0: Float[np.ndarray, "k n"],
     *,
     rounds: int = 5,
-    loop: Loop | None = None,
+    loop: Loop = SEARCHED,
     seed: int = 0,
 ) -> Handover:
     """Improve the gains of a collocated pump by the cross-entropy method on simulations of the model.
@@ -49,7 +52,6 @@ def searched(
     Raises:
         TypeError: If the controller is of another kind.
     """
-    loop = Loop(duration=12.0, period=0.01, step=0.01) if loop is None else loop
     generator = np.random.default_rng(seed)
     pump = controller.far
     if not isinstance(pump, CollocatedPump):
