@@ -41,6 +41,7 @@ from .logs import (
     find_ended,
     find_other_clocks,
     find_uneven,
+    find_wraps,
     read_all,
     recordings_of,
 )
@@ -157,7 +158,8 @@ def _check(
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:
         findings.append(refusal(outcome))
-    findings.extend([*find_merged(log), *find_arrivals(log), *find_uneven(log, is_angle), *find_absent(log)])
+    findings.extend([*find_wraps(log), *find_merged(log), *find_arrivals(log), *find_uneven(log, is_angle)])
+    findings.extend(find_absent(log))
     if isinstance(outcome, Mask):
         findings.extend(find_masked(log, outcome))
     return RecordingCheck(

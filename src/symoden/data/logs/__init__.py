@@ -13,6 +13,7 @@ from ._reading import Reading as Reading, read_all as read_all
 from ._recordings import recordings_of as recordings_of, rows_to_use as rows_to_use
 from ._stuck import StuckRows as StuckRows, find_stuck as find_stuck, find_stuck_rows as find_stuck_rows
 from ._uneven import find_uneven as find_uneven
+from ._wraps import find_wraps as find_wraps
 from ._zeros import find_counted_zeros as find_counted_zeros
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "find_stuck",
     "find_stuck_rows",
     "find_uneven",
+    "find_wraps",
     "measure",
     "read_all",
     "recordings_of",

@@ -81,6 +81,22 @@ class Arrivals(NamedTuple):
     together: int
 
 
+class Wraps(NamedTuple):
+    """That a clock counted in so many bits and began anew when these were full, and was counted on.
+
+    Attributes:
+        bits: How many.
+        tick: What it counted [s].
+        place: Where in the file it first began anew.
+        spans: Last stamp before and first one after each such row [s].
+    """
+
+    bits: int
+    tick: float
+    place: str
+    spans: tuple[tuple[float, float], ...]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bridge:
     """Single numbers of an input that were missing or wrong, and in whose place others were put.
@@ -117,6 +133,7 @@ class Log:
         impossible: Numbers that no machine has, of each column that has any.
         merged: That the table had several clocks, if so.
         arrivals: That its time stamps were found to be those of arrival, if so.
+        wraps: That its clock began anew, and was counted on, if so.
         repeats: Rows of the file that repeat the one before, time stamp and all, which the log lacks.
         bridges: Numbers of inputs that were missing or wrong, and bridged.
         clocks: Columns of its file that count time, where the description names none.
@@ -135,6 +152,7 @@ class Log:
     impossible: tuple[Impossible, ...] = ()
     merged: Merged | None = None
     arrivals: Arrivals | None = None
+    wraps: Wraps | None = None
     repeats: tuple[int, ...] = ()
     bridges: tuple[Bridge, ...] = ()
     clocks: tuple[UnreadClock, ...] = ()

@@ -13,6 +13,7 @@ from ._arrivals import on_even_clock
 from ._logs import Log, read_logs
 from ._merged import on_one_clock
 from ._overlaps import find_overlaps
+from ._wraps import unwrapped_clock
 
 
 class Reading(NamedTuple):
@@ -73,7 +74,8 @@ def _on_clock(one: Log | Unreadable, description: Description, is_angle: np.ndar
         return one
     step = None if description.time is None else description.dt
     try:
-        return on_even_clock(on_one_clock(one, is_angle, description.hold), step)
+        counted = unwrapped_clock(one, description.units)
+        return on_even_clock(on_one_clock(counted, is_angle, description.hold), step)
     except DataError as error:
         return _unreadable(one, error)
 
