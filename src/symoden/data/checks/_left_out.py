@@ -163,7 +163,7 @@ def _done(log: Log, channels: Collection[str], rows: np.ndarray) -> str:
 
 def _short_lines(log: Log) -> _Short:
     """Rows that lack numbers because their lines have fewer cells than the first line names."""
-    incomplete = np.flatnonzero(~log.complete)
+    incomplete = np.union1d(np.flatnonzero(~log.complete), bridged_rows(log, log.names["inputs"]))
     if not len(incomplete) or not is_text(log.path):
         return _Short()
     named, cells, last = find_short_lines(log.path)
@@ -185,7 +185,8 @@ def _unfinished(log: Log, short: _Short) -> list[Finding]:
                 level="masked",
                 channel="",
                 text=first + others,
-                advice="What is not there is missing, and the rows are left out. Look at what wrote the file.",
+                advice="What is not there is missing, and so is a last field, which may be cut off, unless many lines "
+                f"end in its column. {_done(log, log.names['inputs'], whole)} Look at what wrote the file.",
                 spans=tuple(_time_of(log, int(row), int(row)) for row in whole[:SHOWN_SPANS]),
             )
         )

@@ -27,6 +27,7 @@ _MATRIX: Final = re.compile(
 )
 _ROW_ENDS: Final = re.compile(r";?[ \t]*\][ \t]*;?(?=\s*\Z)|;[ \t]*(?=\r?$)", re.MULTILINE)
 _BEGINNING: Final = 20_000  # Characters in which a matrix begins.
+_FEW_CUT: Final = 0.05  # Share of a column's cells after which lines end too early.
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
@@ -65,16 +66,23 @@ def read_csv(path: Path) -> pl.DataFrame:
         return pl.DataFrame(schema=schema).rename(_unique(names))
     read = functools.partial(pl.read_csv, has_header=False, separator=separator, schema=schema)
     try:
-        frame = read(body.encode())
+        frame = read(_counted(body, separator, len(names)).encode())
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         trimmed = _without_surplus(path, body, layout, separator)
         if trimmed == body:  # Something else is wrong, such as a quotation without end.
             reason = str(error).splitlines()[0]
             raise DataError(f"`{path}`: must be a table of text; reading stopped at: {reason}.") from error
         frame = read(trimmed.encode())
+    frame = _without_cut_cells(frame, body, layout)
     if separator != "," and "," in body:
         frame = with_points(frame)
     return frame.rename(_unique(names))
+
+
+def _counted(body: str, separator: str, columns: int) -> str:
+    """A table whose first line, by which columns are counted, has a cell for each: it may be cut."""
+    first = body.partition("\n")[0].rstrip("\r")
+    return first + separator * (columns - 1 - first.count(separator)) + body[len(first) :]
 
 
 def _without_surplus(path: Path, body: str, layout: Layout, separator: str) -> str:
@@ -96,6 +104,30 @@ def _without_surplus(path: Path, body: str, layout: Layout, separator: str) -> s
         return functools.reduce(lambda text, _: text.rstrip(" \r").removesuffix(separator), cells[named:], line)
 
     return "\n".join(itertools.starmap(trimmed, enumerate(body.split("\n"))))
+
+
+def _without_cut_cells(frame: pl.DataFrame, body: str, layout: Layout) -> pl.DataFrame:
+    """A table without the last cell of each line that has too few: as the line was cut, so that cell may be.
+
+    A time stamp that lost digits would be out of order, a position a leap. But what leaves out empty cells at the ends
+    of lines cuts nothing: there many lines end in the same column.
+
+    Returns:
+        The table.
+    """
+    lacking = frame.to_series(-1).is_null()
+    if layout.separator == " " or not lacking.any():
+        return frame
+    lines, ends = body.split("\n"), dict[int, list[int]]()
+    for row in lacking.arg_true() if len(lines) == len(frame) else ():  # No cell goes over several.
+        count = layout.count(lines[row])
+        if lines[row].strip() and count < len(layout.names):
+            ends.setdefault(count - 1, []).append(row)
+    for column, rows in ends.items():
+        cells = frame.to_series(column)
+        if len(rows) <= _FEW_CUT * (len(frame) - cells.null_count()):
+            frame = frame.with_columns(cells.scatter(rows, None))
+    return frame
 
 
 def place(path: Path, row: int) -> str:
