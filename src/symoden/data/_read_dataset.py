@@ -228,8 +228,9 @@ def _told_apart(logs: Sequence[Log]) -> list[str]:
 def _warn(description: Description, what: str, every: list[str]) -> None:
     """Warn of something in several recordings, naming the first ones."""
     more = f"; and {len(every) - _SHOWN} more" if len(every) > _SHOWN else ""
+    said = f"{'; '.join(every[:_SHOWN])}{more}"
     warnings.warn(
-        f"`{description.path}`: {what} {'; '.join(every[:_SHOWN])}{more}. {description.check} says what to do.",
+        f"`{description.path}`: {what} {said}{'' if said.endswith('?') else '.'} {description.check} says what to do.",
         DataWarning,
         stacklevel=4,
     )
