@@ -11,6 +11,7 @@ from symoden.storage import StorageError
 from ._arguments import Evaluate
 from ._figure import check_figure, save_figure
 from ._learned import bands_of, draw_unseen, name_untold_inputs, own_source, posterior_of
+from ._other_data import name_other_data
 from ._output import print_json
 from ._scores import report_scores
 from ._words import band_words, name_unfinished
@@ -29,7 +30,9 @@ def run(command: Evaluate) -> None:
     if command.source is None:
         source = own = own_source(config)
     else:
-        source, own = read_run_source(config, command.source), own_source(config) if command.bands else None
+        source = read_run_source(config, command.source)
+        name_other_data(config, source)
+        own = own_source(config) if command.bands else None
     scores = report_scores(model, config, source, own=own, json=command.general.json)
     bands, score, missing = None, None, ""
     if command.bands and own is not None:

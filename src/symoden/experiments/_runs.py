@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from symoden.data import Dataset, without_spans
+from symoden.data.description import read_description
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, load
@@ -250,15 +251,15 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
             trajectories=config.trajectories,
             noise=config.noise,
         )
-    source = read_source(name, seed=config.seed)
-    given = source.dataset
-    if config.space is not None and given.space != known.space:
-        source = read_source(name, seed=config.seed, space=known.space)  # The run was told to read its data so.
-    elif given.space != known.space:
+    other = _space_of(name)
+    if config.space is None and other != known.space:  # Before all files are read.
         raise ValueError(
-            f"`{source.name}` must have the space of the run, `{known.space}`; got `{given.space}`. "
+            f"`{absolute_name(name)}` must have the space of the run, `{known.space}`; got `{other}`. "
             "Choose data of the mechanism that the model was trained on."
         )
+    # A run may have been told to read its data so.
+    source = read_source(name, seed=config.seed, space=None if other == known.space else known.space)
+    given = source.dataset
     if (given.inputs, given.momenta) != (len(known.input_names), known.momenta):
         kinds = {True: "momenta", False: "velocities"}
         raise ValueError(
@@ -266,6 +267,12 @@ def read_run_source(config: RunConfig, name: str | None = None) -> Source:
             f"{kinds[known.momenta]}; got {given.inputs} and {kinds[given.momenta]}."
         )
     return source
+
+
+def _space_of(name: str) -> str:
+    """Configuration space of a task, or that a description names."""
+    name = absolute_name(name)
+    return TASKS[name].space if name in TASKS else read_description(Path(name)).space
 
 
 def undisturbed(config: RunConfig, dataset: Dataset) -> Dataset:
