@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from symoden.data._shapes import Times
 from symoden.data._trajectory import Trajectory, median_step
 
 from ._regression import unseen_residuals
@@ -171,10 +172,8 @@ def under_bumps(
     Returns:
         The recording under these bumps.
     """
-    at, q = recording.ts[samples], recording.q[:, is_angle]
-    span, times = at[:, -1:] - at[:, :1], np.gradient(at, axis=1)
-    x = 2 * (at - at[:, :1]) / span - 1
-    weight, slope = (1 - x**2) ** 2, -8 * x * (1 - x**2) / span
+    q = recording.q[:, is_angle]
+    times, weight, _ = _bump(recording.ts[samples])
     us = recording.us
     between = us[:-1] if held else (us[:-1] + us[1:]) / 2
     sums = np.cumsum(between * np.diff(recording.ts)[:, None], axis=0)
@@ -184,11 +183,37 @@ def under_bumps(
         samples=samples,
         middle=middle,
         motion=np.einsum("bs,bsk->bk", weight * times, _motion(recording, is_angle, middle)[samples]),
-        gained=-np.einsum("bs,bsk->bk", slope * times, recording.rates[samples]),
+        gained=changes_under(recording.ts, samples, recording.rates),
         cells=times,
         given=np.concatenate([np.zeros((1, us.shape[1])), sums]),
         turning=(weight * times)[:, :, None] * turns[samples],
     )
+
+
+def changes_under(
+    ts: Times, samples: Int[np.ndarray, "B s"], columns: Float[np.ndarray, "T k"]
+) -> Float[np.ndarray, "B k"]:
+    """Integrate changes under bumps without differentiating: ∫ w dc = −∫ w′ c dt.
+
+    Args:
+        ts: Time stamps [s].
+        samples: Samples under each bump.
+        columns: What changes, c.
+
+    Returns:
+        The integrals.
+    """
+    times, _, slope = _bump(ts[samples])
+    return -np.einsum("bs,bsk->bk", slope * times, columns[samples])
+
+
+def _bump(
+    at: Float[np.ndarray, "B s"],
+) -> tuple[Float[np.ndarray, "B s"], Float[np.ndarray, "B s"], Float[np.ndarray, "B s"]]:
+    """Dt of every sample, w = (1 − x²)² there, and its slope w′ [1/s]."""
+    span = at[:, -1:] - at[:, :1]
+    x = 2 * (at - at[:, :1]) / span - 1
+    return np.gradient(at, axis=1), (1 - x**2) ** 2, -8 * x * (1 - x**2) / span
 
 
 def _motion(recording: Trajectory, is_angle: np.ndarray, middle: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T k"]:

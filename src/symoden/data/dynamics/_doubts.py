@@ -14,6 +14,7 @@ from ._false_cyclic import find_false_cyclic
 from ._hold import find_other_hold
 from ._input_signs import find_input_signs
 from ._late_inputs import find_late_inputs
+from ._late_positions import find_late_positions
 
 
 class Doubts(NamedTuple):
@@ -32,7 +33,7 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
     """Say what the description says wrongly of inputs and of cyclic coordinates, and which files contradict the others.
 
     By another delay inputs seem to be held otherwise, to push the other way round, or to be late in some files, so that
-    it goes before all of these.
+    it goes before all of these; and by a late sensor inputs seem to be early.
 
     Args:
         dataset: Recordings as training sees them.
@@ -42,7 +43,8 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
     Returns:
         The findings.
     """
-    late = find_late_inputs(dataset, description.input_delay, is_angle)
+    late = find_late_positions(dataset, description.position_delay, is_angle)
+    late = late or find_late_inputs(dataset, description.input_delay, is_angle)
     told = dataset.train and not dataset.momenta
     bumps = bumps_of(dataset.train, is_angle, held=dataset.hold == "zero") if told else []
     acting, places = [], []
