@@ -137,6 +137,17 @@ def test_jumps_are_told_from_wraps_and_gaps():
     assert [len(each) for each in jumps(ts, q, longest=0.5)] == [0, 0]
 
 
+def test_a_fast_wheel_wraps_by_a_turn_and_a_step_or_two():
+    ts = np.delete(np.arange(200.0), np.arange(20, 200, 27))
+    turned = 0.9 * ts  # A seventh of a turn from row to row, two sevenths where one is lost.
+    turns, others = jumps(ts, turned % (2 * np.pi), longest=5.0)
+    assert not len(others)
+    assert len(turns) == int(turned[-1] / (2 * np.pi))
+    spoiled = turned.copy()
+    spoiled[100 + np.argmin(np.abs(turned[100:110] % (2 * np.pi) - 1.5))] += 2.5
+    assert len(jumps(ts, spoiled % (2 * np.pi), longest=5.0)[1])
+
+
 def test_a_gap_is_longer_than_five_usual_steps_even_where_time_stamps_come_in_bursts():
     assert longest_step(np.full(100, 0.01)) == pytest.approx(0.05)
     assert longest_step(np.tile([0.001, 0.001, 0.028], 50)) == pytest.approx(0.14)

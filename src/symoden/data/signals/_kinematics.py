@@ -22,6 +22,7 @@ _LATEST: Final = 0.1  # [s] that filters delay a velocity by.
 _LESS: Final = 0.5  # Share of the misfit that is left with a delay.
 _ROUGH: Final = 0.2  # Misfit from which it is asked whether the position is late, which no unit makes up for.
 _FAR_LESS: Final = 0.6  # Share of the misfit that is left then.
+_BESIDE: Final = 3  # Steps on either side of one that say how fast it goes.
 _NEARLY: Final = 1.15  # Times the least misfit: of delays that are about as good the shortest is named.
 UNRELATED: Final = 0.5  # misfit beyond which a velocity is not that of the position
 
@@ -231,6 +232,9 @@ def _changes(signal: np.ndarray, pairs: np.ndarray) -> np.ndarray:
 def jumps(ts: Times, q: np.ndarray, *, longest: float) -> tuple[np.ndarray, np.ndarray]:
     """Find jumps of a position by more than half a turn from one sample to the next.
 
+    By about a whole turn goes what is an eighth of one away from it, or from going on as fast as before and after: of a
+    fast wheel an eighth of a turn is a step or two.
+
     Args:
         ts: Increasing time stamps [s].
         q: Position, not unwrapped.
@@ -240,9 +244,16 @@ def jumps(ts: Times, q: np.ndarray, *, longest: float) -> tuple[np.ndarray, np.n
         Samples after which it jumps by about whole turns, and those after which it jumps by something else.
     """
     change = np.where(np.diff(ts) <= longest, np.diff(q), 0.0)
-    rest = np.abs(change - TURN * np.round(change / TURN))
+    rest = change - TURN * np.round(change / TURN)
     far = np.abs(change) > TURN / 2
+    rest = np.minimum(np.abs(rest), np.abs(rest - _usual_rate(rest / np.diff(ts)) * np.diff(ts)))
     return np.flatnonzero(far & (rest < TURN / 8)), np.flatnonzero(far & (rest >= TURN / 8))
+
+
+def _usual_rate(rates: np.ndarray) -> np.ndarray:
+    """Median of the rates of a few steps about each."""
+    near = np.pad(rates, _BESIDE, mode="edge")
+    return np.median(np.lib.stride_tricks.sliding_window_view(near, 2 * _BESIDE + 1), axis=1)
 
 
 def _weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
