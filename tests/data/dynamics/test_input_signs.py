@@ -57,6 +57,28 @@ def test_an_input_of_the_wrong_sign_is_named(tmp_path, signs, named, noise):
         assert described(tmp_path, g * signs, f"units = {{{turned}}}")[1] == []
 
 
+@pytest.mark.parametrize(
+    ("matrix", "named"),
+    [
+        ([["-1", "0"], ["0", "k"]], ["u"]),
+        ([["-a", "0"], ["0", "-k"]], ["", "u", "w"]),
+        ([["a", "0"], ["0", "-k"]], ["w"]),
+        ([["a", "0"], ["0", "k"]], []),
+        ([["a", "0"], ["0", "-free"]], []),
+        ([["-cos(q2)*a", "0"], ["0", "k"]], []),
+        ([["-a", "0"], ["k", "1"]], []),
+    ],
+)
+def test_signs_are_told_of_inputs_that_are_known_up_to_a_factor(tmp_path, matrix, named):
+    cart(tmp_path, np.diag([2.0, 0.7]))
+    used = {name: start for name, start in (("a", 1.5), ("k", 1.0), ("free", 0.0)) if name in str(matrix)}
+    parts = f"[known]\ninput_matrix = {matrix}\n[known.parameters]\n"
+    parts += "\n".join(f"{name} = {start}" for name, start in used.items())
+    _, found = described(tmp_path, None, parts)
+    assert [one.channel for one in found] == named[:1]
+    assert all(f"{name} = -1" in one.advice for one in found for name in named if name)
+
+
 def test_the_sign_is_advised_by_the_name_that_the_file_has(tmp_path):
     g = np.eye(2)
     cart(tmp_path, g)

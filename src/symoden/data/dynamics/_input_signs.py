@@ -1,11 +1,12 @@
 """Inputs that push otherwise than the given g says: the other way round, or as another one."""
 
-from collections.abc import Iterator, Sequence
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations, product
 from typing import Final, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
@@ -38,14 +39,17 @@ def find_input_signs(dataset: Dataset, description: Description, bumps: Sequence
     Returns:
         One finding, or none.
     """
-    if not dataset.inputs or dataset.input_matrix is None:
+    g, told = _told(dataset)
+    if not told.any():
         return []
     motion, pushed, gained = stacked(bumps)
     pushed = pushed.reshape(len(motion), dataset.inputs, -1)[:, :, 0]
-    g = np.asarray(dataset.input_matrix)
     both = [_Answers.of(motion[half], pushed[half], gained[half], g) for half in interleaved(len(motion))]
     alone = np.max([[one.beside_error(x) for x in np.eye(dataset.inputs)] for one in both], axis=0)
-    backwards = np.flatnonzero(alone < -_CLEAR)
+    backwards = np.flatnonzero(told & (alone < -_CLEAR))
+    if dataset.input_matrix is None:  # Of inputs up to a factor the signs are told, one by one.
+        turned = _Change.of_signs([-1 if j in backwards else 1 for j in range(dataset.inputs)])
+        return _findings(dataset, description, turned, -min(alone[told].tolist()))
     together = max(one.beside_error(other.worst) for one, other in (both, both[::-1]))
     if not len(backwards) and (together > -_CLEAR or max(one.least for one in both) > -_FAR):
         return []
@@ -53,6 +57,28 @@ def find_input_signs(dataset: Dataset, description: Description, bumps: Sequence
     if change is None:
         change = _Change.of_signs([-1 if j in backwards else 1 for j in range(dataset.inputs)])
     return _findings(dataset, description, change, -min(together, *alone.tolist()))
+
+
+def _told(dataset: Dataset) -> tuple[Float[np.ndarray, "n m"], Bool[np.ndarray, " m"]]:
+    """g as far as it is told, and of which inputs: of a column with one entry that is none, its sign is enough."""
+    g = np.zeros((dataset.size, dataset.inputs))
+    if dataset.input_matrix is not None:
+        return np.asarray(dataset.input_matrix), np.ones(dataset.inputs, bool)
+    known = dataset.known
+    if known is None or known.input_matrix is None or callable(known.input_matrix):
+        return g, np.zeros(dataset.inputs, bool)
+    values = {**known.constants, **known.parameters}  # These keep the sign that they start with, but for zero.
+    g = np.array([[_value(entry, values) for entry in row] for row in known.input_matrix])
+    return np.nan_to_num(g), np.isfinite(g).all(axis=0) & (np.count_nonzero(g, axis=0) == 1)
+
+
+def _value(entry: object, values: Mapping[str, float | int]) -> float:
+    """A number, or one that has a name, with its sign; NaN for what is neither, or a parameter of any sign."""
+    text = str(entry).strip()
+    name = text.removeprefix("-").strip()
+    with contextlib.suppress(ValueError):
+        return float(text)
+    return (-1 if text.startswith("-") else 1) * float(values.get(name, 0) or np.nan)
 
 
 class _Change(NamedTuple):
