@@ -22,6 +22,7 @@ from .checks import (
     find_merged,
     find_short,
     find_slow_sampling,
+    find_unread_inputs,
     is_idle,
     stands_still,
     survey,
@@ -98,6 +99,7 @@ def check_dataset(
         *([] if reading.refusals else find_ended(said, reading.logs)),
         *([replaced] if replaced else []),
         *_idle_everywhere(checks),
+        *find_unread_inputs(reading.logs),
         *find_counted_zeros(reading.logs, [check.channels for check in checks]),
         *_together(said, reading, made, is_angle),
     ]

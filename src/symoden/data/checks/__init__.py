@@ -6,6 +6,7 @@ from ._left_out import find_absent as find_absent, find_masked as find_masked, f
 from ._lengths import find_short as find_short
 from ._pace import find_fast_sampling as find_fast_sampling, find_slow_sampling as find_slow_sampling
 from ._survey import survey as survey
+from ._unread import find_unread_inputs as find_unread_inputs
 
 __all__ = [
     "Examination",
@@ -16,6 +17,7 @@ __all__ = [
     "find_merged",
     "find_short",
     "find_slow_sampling",
+    "find_unread_inputs",
     "is_idle",
     "stands_still",
     "survey",

@@ -19,6 +19,7 @@ from ._limits import refuse_large
 from ._memory import Table, in_memory
 from ._tables import TEXTS, read_csv, read_parquet
 from ._unread_clock import UnreadClock, unread_clocks
+from ._unread_inputs import unread_inputs
 
 Selector: TypeAlias = str | tuple[str, ...]  # a 2-D variable (in a table: a column), or a column each
 
@@ -63,6 +64,7 @@ class Rows:
         interval: Number of the interval of rows that they are, from 1 on, where the description names several.
         odd: Numbers that no machine has, of columns that formulas are made of.
         clocks: Columns of a table that count time, where none was asked for.
+        drives: Columns of a table that are called as inputs are, where none was asked for.
     """
 
     path: Path
@@ -74,6 +76,7 @@ class Rows:
     interval: int | None = None
     odd: tuple[OddNumbers, ...] = ()
     clocks: tuple[UnreadClock, ...] = ()
+    drives: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows."""
@@ -181,9 +184,10 @@ def _from_table(
     columns |= {name: each[:, None] for name, each in numbers(path, frame, plain, first_row=first).items()}
     labels = None if recording is None else texts(path, frame, recording)
     found = _rows_of(path, selectors, columns, index, labels)
-    if "time" in selectors:
-        return found
-    return dataclasses.replace(found, clocks=unread_clocks(path, frame, {*named, recording or ""}))
+    read = {*named, recording or ""}
+    if "time" not in selectors:
+        found = dataclasses.replace(found, clocks=unread_clocks(path, frame, read))
+    return found if selectors.get("inputs") else dataclasses.replace(found, drives=unread_inputs(path, frame, read))
 
 
 def _from_arrays(

@@ -137,6 +137,7 @@ class Log:
         repeats: Rows of the file that repeat the one before, time stamp and all, which the log lacks.
         bridges: Numbers of inputs that were missing or wrong, and bridged.
         clocks: Columns of its file that count time, where the description names none.
+        drives: Columns of its file that are called as inputs are, where the description names none.
     """
 
     part: str
@@ -156,6 +157,7 @@ class Log:
     repeats: tuple[int, ...] = ()
     bridges: tuple[Bridge, ...] = ()
     clocks: tuple[UnreadClock, ...] = ()
+    drives: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Number of rows T."""
@@ -328,6 +330,7 @@ def _log(part: str, name: str, rows: Rows, description: Description, is_angle: n
         impossible=impossible,
         repeats=repeats,
         clocks=rows.clocks,
+        drives=rows.drives,
     )
 
 
