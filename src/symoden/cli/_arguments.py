@@ -71,7 +71,8 @@ class Train:
         resume: Continue the run in the folder, with its settings.
         max_minutes: Stop after this time with the best model so far, or ten seconds later where a stage had to be
             compiled. What takes longer in one piece, as judging by windows left out in turn may, is left to the next
-            run, which ends it first.
+            run, which ends it first. Reading the data before and scores afterwards come on top; `--resume` has the
+            time anew.
         general: How to report.
     """
 
