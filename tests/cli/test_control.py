@@ -100,6 +100,7 @@ def test_people_get_a_table(near_pendulum, capsys):
     ):
         assert line in printed.out
     assert "3 episodes of 3 s" in printed.err
+    assert ("energy shaping leaves" in printed.out) == ("3 of 3" not in printed.out)
 
 
 def test_what_friction_holds_is_told_with_its_number(tmp_path, capsys):
@@ -109,6 +110,7 @@ def test_what_friction_holds_is_told_with_its_number(tmp_path, capsys):
     assert main(words) == 0
     assert "friction holds 3 of 3 episodes beside the target" in (told := capsys.readouterr().out)
     assert "moving takes 2.189" in told
+    assert "energy shaping leaves 3 of 3 episodes beside the target" in told
     assert main([*words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["held_by_friction"] == 3
 

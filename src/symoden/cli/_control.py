@@ -192,7 +192,7 @@ def _print(
             ["at the natural speed", f"{matching.moving:.2g}", f"({then})"],
         ]
         print_table("forces that no input matches, relative to the largest load", ("", "largest", "at q"), rows)
-    for line in _stuck_words(result):
+    for line in (*_stuck_words(result), *_other_methods(result)):
         print(line)
     if audit.share < 1:
         q, v = (", ".join(number(x) for x in part) for part in (audit.worst_q, audit.worst_v))
@@ -224,6 +224,17 @@ def _stuck_words(result: ControlResult) -> Iterator[str]:
         f"{push} of input pushes, and moving takes {friction}. More `--max-input` or a shorter `--period` allows "
         "larger gains."
     )
+
+
+def _other_methods(result: ControlResult) -> Iterator[str]:
+    """What may do better where energy shaping does not bring all episodes to the target."""
+    missed = int((~result.verdict.success).sum())
+    if result.method == "energy-shaping" and missed:
+        yield (
+            f"energy shaping leaves {missed} of {len(result.verdict.success)} episodes beside the target; a regulator, "
+            "which is as stiff as the model asks for, may not: `--method lqr`, or `swing-up` where weight pulls angles "
+            "down."
+        )
 
 
 def _as_json(result: ControlResult, settings: ControlConfig, outside: float, command: Control) -> dict[str, object]:
