@@ -100,7 +100,6 @@ def test_people_get_a_table(near_pendulum, capsys):
     ):
         assert line in printed.out
     assert "3 episodes of 3 s" in printed.err
-    assert ("energy shaping leaves" in printed.out) == ("3 of 3" not in printed.out)
 
 
 def test_what_friction_holds_is_told_with_its_number(tmp_path, capsys):

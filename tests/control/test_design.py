@@ -77,7 +77,7 @@ def test_names_make_their_controllers():
     ("target", "settings", "message"),
     [
         ([np.pi + 0.01, 0.0], {"limits": 15.0}, r"must be an equilibrium of the model.*nearby that is \[3\.14"),
-        ([np.pi, 0.0], {"limits": 15.0, "period": 1.0}, r"A period of 1 s is too long .* with 0.01 s it does"),
+        ([np.pi, 0.0], {"limits": 15.0, "period": 2.0}, r"A period of 2 s is too long .* with 0.01 s it does"),
     ],
 )
 def test_why_a_regulator_does_not_hold_the_target_is_told(target, settings, message):

@@ -16,6 +16,7 @@ from symoden.wording import number
 
 from ._arguments import Predict
 from ._learned import bands_of, own_source, posterior_of
+from ._other_data import name_other_data
 from ._output import check_npz, print_json, save_npz
 from ._progress import show_work
 from ._words import name_unfinished
@@ -36,6 +37,7 @@ def run(command: Predict) -> None:
     model = read_model(command.run)
     name_unfinished(config)
     source = read_run_source(config, command.source)
+    name_other_data(config, source)
     every = {f"{part}:{each.name}": each for part, recordings in source.parts.items() for each in recordings}
     recordings = list(every.values())
     predictions = predict(model, recordings, hold=source.dataset.hold, solver=evaluation_solver(config))

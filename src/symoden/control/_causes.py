@@ -10,12 +10,11 @@ from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates
 from symoden.wording import number
 
-from ._attraction import attraction, by_stiffness, simulated_period
+from ._attraction import QUICK, attraction, by_stiffness, simulated_period
 from ._controller import as_array
 from ._judge import Tolerance
 from ._regulator import Regulator, linearize, remaining_motion
 
-_QUICK: Final = 0.01
 _NEWTON: Final = 12
 _STILL: Final = 1e-3  # Accelerations [rad/s² or m/s²].
 _NEAR: Final = 1.0  # [rad or m].
@@ -43,7 +42,7 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
         return any(attraction(model, each, period=simulated_period(period)) > 0 for each in others)
 
     limits = tuple(regulator.limits.tolist())
-    A, B, _ = linearize(model, regulator.target)
+    A, B, _ = linearize(model, regulator.target, speed=Tolerance().velocity)
     motion = remaining_motion(model, regulator.target, regulator.hold)
     rest = np.linalg.solve(A - B @ np.asarray(regulator.gain), -motion)
     aside = float(np.abs(rest[: model.space.size]).max())
@@ -54,10 +53,10 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
             f"The target {target} must be an equilibrium of the model, but no input holds it there: the regulator "
             f"would come to rest {aside:.2g} rad or m away, by its linearisation. Choose a target where it rests{where}"
         )
-    if period is not None and period > _QUICK and holds(limits, _QUICK):
+    if period is not None and period > QUICK and holds(limits, QUICK):
         return (
             f"A period of {period:g} s is too long for the regulator to hold the model at the target; with "
-            f"{_QUICK:g} s it does. {_growth(A)}Shorten the period."
+            f"{QUICK:g} s it does. {_growth(A)}Shorten the period."
         )
     inputs = f"inputs up to {', '.join(map(number, limits))}"
     for factor in _MORE:
@@ -67,10 +66,10 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
                 f"The regulator does not hold the model at the target with {inputs}; with {factor} times as much it "
                 "does. Allow more input."
             )
-        if period is not None and period > _QUICK and holds(larger, _QUICK):
+        if period is not None and period > QUICK and holds(larger, QUICK):
             return (
                 f"The regulator does not hold the model at the target with {inputs} and a period of {period:g} s; with "
-                f"{factor} times as much and {_QUICK:g} s it does. {_growth(A)}Allow more input and shorten the period."
+                f"{factor} times as much and {QUICK:g} s it does. {_growth(A)}Allow more input and shorten the period."
             )
     return (
         f"The regulator does not hold the model at the target {target}, and would not with {_MORE[-1]} times the "

@@ -67,7 +67,7 @@ class Regulator(AbstractController):
 
         A deviation of 1 rad or 1 m weighs as much as its speed ω, the linearised system's fastest rate, and as much as
         an input at its limit; without limits, as an input that accelerates the system by ω² there. Stiffer, a smaller
-        deviation does. `by_stiffness` finds how stiff a system asks for.
+        deviation does. `design` finds how stiff a system asks for.
 
         Friction counts as it is at the speed that counts as rest (`Tolerance`). At rest dry friction seems to hold
         everything, and what is optimal with it brakes too little where it moves.

@@ -81,3 +81,27 @@ def test_what_becomes_of_lines_that_were_cut_off_is_said_once(tmp_path):
     assert "In 2 of these rows the input is held at the number before; the others are left out" in line.advice
     with pytest.warns(DataWarning, match="2 missing numbers of `u` .*, 1 row without all numbers"):
         assert len(read_dataset(path).train[0]) == 399
+
+
+def test_empty_cells_that_are_left_out_now_and_then_cut_nothing(tmp_path):
+    """Three in a hundred lines end before `u`, all of them after a whole `v`."""
+    written(tmp_path, dict.fromkeys(range(7, 400, 33), (3, 3)))
+    signals = {**SIGNALS, "inputs": ("v",)}
+    read = read_rows(tmp_path / "run.csv", signals, slice(None)).signals
+    assert np.isfinite(read["inputs"]).all()
+
+
+def test_of_a_short_file_a_single_cut_line_is_seen(tmp_path):
+    path = written(tmp_path, {7: (1, 2)})
+    table = tmp_path / "run.csv"
+    table.write_text("".join(table.read_text().splitlines(keepends=True)[:16]))
+    assert not finding(path, "time")
+
+
+def test_the_first_line_may_be_cut_off_where_lines_end_with_a_separator(tmp_path):
+    written(tmp_path, {0: (2, 3)})
+    table = tmp_path / "run.csv"
+    first, *lines = table.read_text().splitlines()[1:]
+    table.write_text("\n".join(["t,q,v,u", first, *(f"{line}," for line in lines)]))
+    read = read_rows(table, SIGNALS, slice(None)).signals
+    assert np.flatnonzero(np.isnan(read["positions"][:, 0])).tolist() == [0]

@@ -115,6 +115,19 @@ def test_what_goes_back_for_another_reason_is_refused(tmp_path, stamps):
     assert [each.level for each in check.findings if each.kind == "time"] == ["refused"]
 
 
+@pytest.mark.parametrize(
+    "frames",
+    [
+        np.round(np.arange(500) / 30, 4),  # Each as long as 24 bits of microseconds but for 4 frames, and set to 0.
+        np.round(0.5 + np.arange(500) / 30, 4),  # Whole tenths of milliseconds, which are no microseconds.
+        np.random.default_rng(0).uniform(1, 1.02) + np.arange(330) / 20,  # No ticks at all.
+    ],
+)
+def test_recordings_of_one_length_are_not_joined(frames):
+    log = log_of(np.tile(frames, 3))
+    assert unwrapped_clock(log, {}) is log
+
+
 def test_rows_in_another_order_where_a_clock_begins_anew_are_left_as_they_are():
     ticks = np.concatenate([np.arange(65_000, 65_534, 2), [65_534, 1, 65_535, 3], np.arange(5, 900, 2)])
     log = log_of(ticks / 1000)

@@ -49,7 +49,7 @@ def find_input_signs(dataset: Dataset, description: Description, bumps: Sequence
     backwards = np.flatnonzero(told & (alone < -_CLEAR))
     if dataset.input_matrix is None:  # Of inputs up to a factor the signs are told, one by one.
         turned = _Change.of_signs([-1 if j in backwards else 1 for j in range(dataset.inputs)])
-        return _findings(dataset, description, turned, -min(alone[told].tolist()))
+        return _findings(dataset, description, turned, -alone[backwards].max(initial=-np.inf))
     together = max(one.beside_error(other.worst) for one, other in (both, both[::-1]))
     if not len(backwards) and (together > -_CLEAR or max(one.least for one in both) > -_FAR):
         return []

@@ -25,7 +25,6 @@ _MUCH: Final = 0.01  # this share of the variance is left as it is, or more.
 _MOST_LEFT: Final = 0.5  # Share of the variance in any: what hardly follows its equation follows others by chance.
 _BEYOND: Final = 2  # Delays sooner than none, by which one that is said and is none has neighbours.
 _WORSE: Final = 1.05  # Times what was left, that other equations may leave then.
-_MOST: Final = 400  # Bumps of all recordings.
 _MOST_COORDINATES: Final = 8  # Each is asked of each.
 
 
@@ -83,8 +82,8 @@ def _late(
             tried[k] = np.full(len(now), np.inf) if some is None else some
         return tried[k]
 
-    rough = np.unique(np.geomspace(1, later, 6).astype(int))
-    best = int(min([*rough, *(-k for k in rough if k <= sooner)], key=lambda k: np.prod(left(int(k)))))
+    rough = [*_rough(later), *(-k for k in _rough(sooner))]
+    best = min(rough, key=lambda k: np.prod(left(k)))
     if not (left(best) < _HINTS * now).any():
         return None
     for k in range(max(abs(best) // 2, 1), 2 * abs(best) + 1):
@@ -99,6 +98,11 @@ def _late(
     clear = _far_less(now, then).any() and (then <= _WORSE * now).all()
     inside = 0 < at < len(every) - 1
     return (j, float(every[at] * spacing), then) if agree and clear and inside else None
+
+
+def _rough(most: int) -> list[int]:
+    """Numbers from 1 on, each up to twice the one before."""
+    return [*{min(2**k, most): None for k in range(most.bit_length() + 1)}] if most else []
 
 
 def _far_less(now: Float[np.ndarray, " n"], then: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
@@ -119,7 +123,7 @@ def _left(
         each.cut(0, int(np.searchsorted(each.ts - each.ts[0], end)), name=each.name)
         for each, end in zip(moved, last, strict=True)
     ]
-    parts = bumps_of(even, is_angle, last=sooner, held=dataset.hold == "zero", most=_MOST) if even else []
+    parts = bumps_of(even, is_angle, last=sooner, held=dataset.hold == "zero") if even else []
     if not parts:
         return None
     motion, pushed, gained = stacked(parts, -sooner)

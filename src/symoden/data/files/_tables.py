@@ -28,6 +28,8 @@ _MATRIX: Final = re.compile(
 _ROW_ENDS: Final = re.compile(r";?[ \t]*\][ \t]*;?(?=\s*\Z)|;[ \t]*(?=\r?$)", re.MULTILINE)
 _BEGINNING: Final = 20_000  # Characters in which a matrix begins.
 _FEW_CUT: Final = 0.05  # Share of a column's cells after which lines end too early.
+_SHORT: Final = 10  # Rows; of more a single one may be cut.
+_BY_CHANCE: Final = 3  # Cut lines that may all end in the same column.
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
@@ -72,7 +74,7 @@ def read_csv(path: Path) -> pl.DataFrame:
         if trimmed == body:  # Something else is wrong, such as a quotation without end.
             reason = str(error).splitlines()[0]
             raise DataError(f"`{path}`: must be a table of text; reading stopped at: {reason}.") from error
-        frame = read(trimmed.encode())
+        frame = read(_counted(trimmed, separator, len(names)).encode())
     frame = _without_cut_cells(frame, body, layout)
     if separator != "," and "," in body:
         frame = with_points(frame)
@@ -110,7 +112,7 @@ def _without_cut_cells(frame: pl.DataFrame, body: str, layout: Layout) -> pl.Dat
     """A table without the last cell of each line that has too few: as the line was cut, so that cell may be.
 
     A time stamp that lost digits would be out of order, a position a leap. But what leaves out empty cells at the ends
-    of lines cuts nothing: there many lines end in the same column.
+    of lines cuts nothing: there several lines end, all in the same column, or many do.
 
     Returns:
         The table.
@@ -123,9 +125,11 @@ def _without_cut_cells(frame: pl.DataFrame, body: str, layout: Layout) -> pl.Dat
         count = layout.count(lines[row])
         if lines[row].strip() and count < len(layout.names):
             ends.setdefault(count - 1, []).append(row)
+    if len(ends) == 1 and len(*ends.values()) > _BY_CHANCE:
+        return frame
     for column, rows in ends.items():
         cells = frame.to_series(column)
-        if len(rows) <= _FEW_CUT * (len(frame) - cells.null_count()):
+        if len(rows) <= max(len(frame) > _SHORT, _FEW_CUT * (len(frame) - cells.null_count())):
             frame = frame.with_columns(cells.scatter(rows, None))
     return frame
 

@@ -17,16 +17,19 @@ _BITS: Final = (16, 24, 31, 32)  # Of timers, of those that count while processo
 _TICKS: Final = {1e-3: "ms", 1e-6: "us"}  # [s]; a program may have divided them into seconds.
 _GAP: Final = 2.0  # Times the longest step that is no gap: more may be the beginning of another recording.
 _FEW: Final = 0.05  # Share of what a clock counts to, within which any step would fit.
-_ROUNDED: Final = 1e-7  # What single precision leaves of a stamp, relative to it.
-_WHOLE: Final = 1e-3  # Of a tick.
+_SAME: Final = 2.0  # Ticks between the beginnings of recordings whose clock is set back to the same.
+_ROUNDED: Final = 1e-12  # What double precision leaves of a stamp, relative to it.
+_WHOLE: Final = 1e-3  # Of a tick,
+_ROUNDING: Final = 0.25  # or so much at most: of larger stamps it is not known whether they are whole.
+_COARSER: Final = (5.0, 10.0)  # Ticks, of which 2^bits are no whole number: a clock that shows these alone counts them.
 
 
 def unwrapped_clock(log: Log, units: Mapping[str, float]) -> Log:
     """Count a clock on where it began anew.
 
     A counter of milliseconds in 16 bits is at 0 again after 65.536 s. Where all stamps that go back do so by the same
-    power of two of ticks, but for a step that is no gap, or hardly one, nothing else explains it: recordings one after
-    the other end anywhere.
+    power of two of ticks, but for a step that is no gap, or hardly one, they were counted: recordings one after the
+    other end anywhere, or, where all have one length, begin with the same stamp.
 
     Args:
         log: What was logged.
@@ -47,10 +50,11 @@ def unwrapped_clock(log: Log, units: Mapping[str, float]) -> Log:
         period = tick * 2.0**bits
         over = steps[back] + period
         fits = (over > 0) & (over <= min(longest, _FEW * period))
-        if fits.all() and steps.max() < period / 2 and _counts(ts, tick):
-            times = log.ts.copy()
-            for row in known[back + 1]:
-                times[row:] += period
+        set_back = np.abs(ts[back + 1] - ts[0]) <= _SAME * tick
+        if fits.all() and steps.max() < period / 2 and not set_back.all() and _counts(ts, tick):
+            rows = np.zeros(len(log.ts))
+            rows[known[back + 1]] = period
+            times = log.ts + np.cumsum(rows)
             spans = tuple((float(times[a]), float(times[b])) for a, b in zip(known[back], known[back + 1], strict=True))
             return dataclasses.replace(
                 log, ts=times, wraps=Wraps(bits, tick, log.place(int(known[back[0] + 1])), spans)
@@ -88,5 +92,10 @@ def find_wraps(log: Log) -> list[Finding]:
 
 def _counts(ts: Times, tick: float) -> bool:
     """Whether stamps are whole numbers of ticks, as far as they are exact."""
-    ticks = ts / tick
-    return bool((np.abs(ticks - np.round(ticks)) <= _WHOLE + _ROUNDED * np.abs(ticks)).all())
+
+    def whole(size: float) -> bool:
+        ticks = ts / size
+        rounding = _WHOLE + _ROUNDED * np.abs(ticks)
+        return bool((rounding < _ROUNDING).all() and (np.abs(ticks - np.round(ticks)) <= rounding).all())
+
+    return whole(tick) and not any(map(whole, (tick * more for more in _COARSER)))

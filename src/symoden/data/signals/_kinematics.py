@@ -246,13 +246,16 @@ def jumps(ts: Times, q: np.ndarray, *, longest: float) -> tuple[np.ndarray, np.n
     change = np.where(np.diff(ts) <= longest, np.diff(q), 0.0)
     rest = change - TURN * np.round(change / TURN)
     far = np.abs(change) > TURN / 2
-    rest = np.minimum(np.abs(rest), np.abs(rest - _usual_rate(rest / np.diff(ts)) * np.diff(ts)))
+    rest = np.fmin(np.abs(rest), np.abs(rest - _usual_rates(ts, rest) * np.diff(ts)))
     return np.flatnonzero(far & (rest < TURN / 8)), np.flatnonzero(far & (rest >= TURN / 8))
 
 
-def _usual_rate(rates: np.ndarray) -> np.ndarray:
-    """Median of the rates of a few steps about each."""
-    near = np.pad(rates, _BESIDE, mode="edge")
+def _usual_rates(ts: Times, change: np.ndarray) -> np.ndarray:
+    """Median of the rates of a few steps about each; NaN where none is known."""
+    steps = np.diff(ts)
+    if not len(steps):
+        return steps
+    near = np.pad(np.divide(change, steps, out=np.full(len(steps), np.nan), where=steps > 0), _BESIDE, mode="edge")
     return np.median(np.lib.stride_tricks.sliding_window_view(near, 2 * _BESIDE + 1), axis=1)
 
 
