@@ -101,7 +101,7 @@ def by_stiffness(
 
     shares = [share_home(made[0])]
     for stiffness in _STIFFER:
-        if shares[0] >= _NEARLY or sum(shares[-2:]) == 0 < len(shares) - 1:  # There is no better one, or no good one.
+        if shares[0] >= _NEARLY or (len(shares) > 1 and not any(shares)):  # None is much better, or any good.
             break
         with contextlib.suppress(ValueError):  # Too stiff for its period, or for digits.
             made.append(Regulator.of(dynamics, target, limits=limits, period=period, stiffness=stiffness))
