@@ -18,13 +18,13 @@ LIMIT, PERIOD = 12.0, 0.01
 DRY = 4.0  # [N]
 
 
-def crane(coulomb):
+def crane(coulomb, viscous=6.0):
     """A cart in volts, whose back-EMF is friction beside the dry one, and its hanging pole."""
     parts = KnownParts(
         mass_matrix=[["0.7", "0.03 * cos(q2)"], ["0.03 * cos(q2)", "0.012"]],
         potential_energy="-0.3 * cos(q2)",
         input_matrix=[[1.7], [0]],
-        dissipation_matrix=[[f"6 + {coulomb} / sqrt(v1**2 + 1e-4)", 0], [0, "3e-4"]],
+        dissipation_matrix=[[f"{viscous} + {coulomb} / sqrt(v1**2 + 1e-4)", 0], [0, "3e-4"]],
     )
     return build(ModelConfig(), Space.parse("R1 T1"), 1, known=parts, key=jax.random.key(0))
 
@@ -114,3 +114,9 @@ def test_what_counts_is_friction_at_the_speed_of_the_tolerance():
     np.testing.assert_allclose(A[2:, 2:], -np.linalg.solve(M, D), rtol=1e-9)
     for each in (linearize(CART_POLE, jnp.zeros(2), speed=speed)[0] for speed in (0.1, 1.0)):
         np.testing.assert_allclose(each, linearize(CART_POLE, jnp.zeros(2))[0], atol=1e-9)
+
+
+def test_a_regulator_with_dry_friction_is_that_with_as_much_viscous_friction_at_this_speed():
+    viscous = crane(0.0, viscous=6 + DRY / np.hypot(0.1, 0.01))
+    dry, smooth = (Regulator.of(each, [0.0, 0.0], limits=LIMIT, period=PERIOD) for each in (crane(DRY), viscous))
+    np.testing.assert_allclose(dry.gain, smooth.gain, rtol=1e-6)
