@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from symoden.data import DataWarning, check_dataset, read_dataset
+from symoden.data.dynamics import _late_positions
 
 STEP, FINE = 0.02, 10
 
@@ -91,3 +92,32 @@ def test_sensors_that_are_late_alike_and_late_motors_are_not_taken_for_one(tmp_p
 def test_what_hardly_follows_any_equation_says_nothing(tmp_path):
     crane(tmp_path, camera=0.06, noise=0.3)
     assert described(tmp_path) == []
+
+
+def share(best, *, least, most, width=0.02):
+    """What is left of an acceleration by the delay of the load: least with the best one."""
+    return lambda delay: least + (most - least) * min(1.0, abs(delay - best) / width)
+
+
+@pytest.mark.parametrize(
+    ("cart", "load", "named"),
+    [
+        (share(0.04, least=0.05, most=0.1), share(0.04, least=0.01, most=0.3), True),
+        (share(0.07, least=0.02, most=0.1, width=0.07), share(0.04, least=0.01, most=0.3), False),  # Not the same one.
+        (share(0.04, least=0.2, most=0.1), share(0.04, least=0.01, most=0.3), False),  # The cart is told worse.
+        (share(0.04, least=0.05, most=0.1), share(0.04, least=0.01, most=0.7), False),  # Hardly told at all before.
+        (
+            share(0.12, least=0.05, most=0.1, width=0.12),
+            share(0.12, least=0.0, most=0.3, width=0.12),
+            False,
+        ),  # Farther.
+        (share(0.04, least=0.05, most=0.1), share(0.04, least=0.001, most=0.009), False),  # Too little to matter.
+    ],
+)
+def test_all_equations_must_tell_the_same_delay(tmp_path, monkeypatch, cart, load, named):
+    def left(dataset, delays, is_angle, longest):
+        return np.array([each(delays[1]) if delays[0] == 0 else 0.4 for each in (cart, load)])
+
+    crane(tmp_path)
+    monkeypatch.setattr(_late_positions, "_left", left)
+    assert bool(described(tmp_path)) == named
