@@ -160,8 +160,8 @@ def _check(
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:
         findings.append(refusal(outcome))
-    findings.extend([*find_wraps(log), *find_merged(log), *find_arrivals(log), *find_uneven(log, is_angle)])
-    findings.extend(find_absent(log))
+    clocks = [*find_wraps(log), *find_merged(log), *find_arrivals(log), *find_uneven(log, is_angle)]
+    findings.extend([*clocks, *find_absent(log)])
     if isinstance(outcome, Mask):
         findings.extend(find_masked(log, outcome))
     return RecordingCheck(

@@ -6,7 +6,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from symoden.data._shapes import Times
 from symoden.data._trajectory import Trajectory, median_step
 
 from ._regression import unseen_residuals
@@ -31,6 +30,7 @@ class Bumps(NamedTuple):
         cells: dt of every sample [s].
         given: ∫ u dt from the first row on.
         turning: w dt of every sample as it is, and as it turns with each angle.
+        slopes: w′ dt of every sample.
     """
 
     recording: Trajectory
@@ -41,6 +41,15 @@ class Bumps(NamedTuple):
     cells: Float[np.ndarray, "B s"]
     given: Float[np.ndarray, "T m"]
     turning: Float[np.ndarray, "B s a"]
+    slopes: Float[np.ndarray, "B s"]
+
+    def integral(self, columns: Float[np.ndarray, "T k"]) -> Float[np.ndarray, "B k"]:
+        """∫ w c dt of what columns show."""
+        return np.einsum("bs,bsk->bk", self.turning[:, :, 0], columns[self.samples])
+
+    def changes(self, columns: Float[np.ndarray, "T k"]) -> Float[np.ndarray, "B k"]:
+        """∫ w dc of what columns show, without a derivative of it: −∫ w′ c dt."""
+        return -np.einsum("bs,bsk->bk", self.slopes, columns[self.samples])
 
     def pushed(self, delay: float) -> Float[np.ndarray, "B k"]:
         """∫ w u dt of inputs of some time ago, as they are and as they turn with each angle."""
@@ -173,7 +182,10 @@ def under_bumps(
         The recording under these bumps.
     """
     q = recording.q[:, is_angle]
-    times, weight, _ = _bump(recording.ts[samples])
+    at = recording.ts[samples]
+    span, times = at[:, -1:] - at[:, :1], np.gradient(at, axis=1)
+    x = 2 * (at - at[:, :1]) / span - 1
+    weight, slope = (1 - x**2) ** 2, -8 * x * (1 - x**2) / span
     us = recording.us
     between = us[:-1] if held else (us[:-1] + us[1:]) / 2
     sums = np.cumsum(between * np.diff(recording.ts)[:, None], axis=0)
@@ -183,37 +195,12 @@ def under_bumps(
         samples=samples,
         middle=middle,
         motion=np.einsum("bs,bsk->bk", weight * times, _motion(recording, is_angle, middle)[samples]),
-        gained=changes_under(recording.ts, samples, recording.rates),
+        gained=-np.einsum("bs,bsk->bk", slope * times, recording.rates[samples]),
         cells=times,
         given=np.concatenate([np.zeros((1, us.shape[1])), sums]),
         turning=(weight * times)[:, :, None] * turns[samples],
+        slopes=slope * times,
     )
-
-
-def changes_under(
-    ts: Times, samples: Int[np.ndarray, "B s"], columns: Float[np.ndarray, "T k"]
-) -> Float[np.ndarray, "B k"]:
-    """Integrate changes under bumps without differentiating: ∫ w dc = −∫ w′ c dt.
-
-    Args:
-        ts: Time stamps [s].
-        samples: Samples under each bump.
-        columns: What changes, c.
-
-    Returns:
-        The integrals.
-    """
-    times, _, slope = _bump(ts[samples])
-    return -np.einsum("bs,bsk->bk", slope * times, columns[samples])
-
-
-def _bump(
-    at: Float[np.ndarray, "B s"],
-) -> tuple[Float[np.ndarray, "B s"], Float[np.ndarray, "B s"], Float[np.ndarray, "B s"]]:
-    """Dt of every sample, w = (1 − x²)² there, and its slope w′ [1/s]."""
-    span = at[:, -1:] - at[:, :1]
-    x = 2 * (at - at[:, :1]) / span - 1
-    return np.gradient(at, axis=1), (1 - x**2) ** 2, -8 * x * (1 - x**2) / span
 
 
 def _motion(recording: Trajectory, is_angle: np.ndarray, middle: Float[np.ndarray, " n"]) -> Float[np.ndarray, "T k"]:

@@ -60,7 +60,7 @@ def find_input_signs(dataset: Dataset, description: Description, bumps: Sequence
 
 
 def _told(dataset: Dataset) -> tuple[Float[np.ndarray, "n m"], Bool[np.ndarray, " m"]]:
-    """G as far as it is told, and of which inputs: of a column with one entry that is none, its sign is enough."""
+    """What is told of g, and of which inputs: of a column with one entry that is none, its sign is enough."""
     g = np.zeros((dataset.size, dataset.inputs))
     if dataset.input_matrix is not None:
         return np.asarray(dataset.input_matrix), np.ones(dataset.inputs, bool)

@@ -13,7 +13,7 @@ from symoden.data.logs import SLOW
 from symoden.data.signals import advance_positions
 from symoden.wording import percent
 
-from ._bumps import Bumps, bumps_of, changes_under, stacked
+from ._bumps import Bumps, bumps_of, stacked
 from ._regression import unseen_residuals
 
 _LONGEST: Final = 0.1  # [s] of a delay that is looked for, or
@@ -154,9 +154,8 @@ def _turned(part: Bumps, is_angle: np.ndarray) -> Float[np.ndarray, "B n f"]:
         return (v[:, :, None] * columns[:, None]).reshape(len(q), -1)
 
     # ∫ w f dv = ∫ w d(f v) − ∫ w v df.
-    changes = changes_under(part.recording.ts, part.samples, with_velocities(factors))
-    lost = np.einsum("bs,bsk->bk", part.turning[:, :, 0], with_velocities(slopes)[part.samples])
-    return (changes - lost).reshape(len(lost), len(is_angle), -1)
+    turned = part.changes(with_velocities(factors)) - part.integral(with_velocities(slopes))
+    return turned.reshape(len(turned), len(is_angle), -1)
 
 
 def _finding(

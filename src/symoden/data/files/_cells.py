@@ -248,3 +248,21 @@ def _advice(word: str, *, several: bool) -> str:
         return "Dates are read where all of the column are of one form of ISO 8601, such as 2025-10-09T08:53:20.25Z."
     what = "them" if several else "it"
     return f"Correct {what}, or select rows without {what} by `rows`."
+
+
+def known_numbers(path: Path, frame: pl.DataFrame, name: str) -> np.ndarray:
+    """Read the numbers that a column has, whatever else it has.
+
+    Args:
+        path: File of the table, for messages.
+        frame: The table.
+        name: Name of the column.
+
+    Returns:
+        The finite ones, in order; none where it has words.
+    """
+    try:
+        column = numbers(path, frame, [name], first_row=0)[name]
+    except DataError:
+        return np.zeros(0)
+    return column[np.isfinite(column)]

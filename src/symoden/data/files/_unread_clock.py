@@ -8,9 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import polars as pl
 
-from symoden.data._errors import DataError
-
-from ._cells import numbers
+from ._cells import known_numbers
 
 _NAME: Final = re.compile(  # No `T`, which is a torque or a temperature.
     r"(.*[_/. ])?((?-i:ts?)|time|timestamp|time_?stamp|stamp|clock|secs?|seconds)([_ ([].*)?", re.IGNORECASE
@@ -51,11 +49,7 @@ def unread_clocks(path: Path, frame: pl.DataFrame, read: Collection[str]) -> tup
 
 def _clock(path: Path, frame: pl.DataFrame, name: str) -> UnreadClock | None:
     """The clock that a column is, if it is one."""
-    try:
-        stamps = numbers(path, frame, [name], first_row=0)[name]
-    except DataError:
-        return None
-    stamps = stamps[np.isfinite(stamps)]
+    stamps = known_numbers(path, frame, name)
     steps = np.diff(stamps)
     rows = np.flatnonzero(steps > 0)
     if len(rows) < 2 or (steps >= 0).mean() < _MOSTLY or not (_is_even(steps[rows]) and _is_even(np.diff(rows))):

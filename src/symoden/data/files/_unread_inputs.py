@@ -8,9 +8,7 @@ from typing import Final
 import numpy as np
 import polars as pl
 
-from symoden.data._errors import DataError
-
-from ._cells import numbers
+from ._cells import known_numbers
 
 _WORDS: Final = (
     {"effort", "efforts", "torque", "torques", "tau", "force", "forces", "current", "currents"}
@@ -44,9 +42,5 @@ def _drives(name: str) -> bool:
 
 def _changes(path: Path, frame: pl.DataFrame, name: str) -> bool:
     """Whether a column has numbers, and not one alone."""
-    try:
-        column = numbers(path, frame, [name], first_row=0)[name]
-    except DataError:
-        return False
-    known = column[np.isfinite(column)]
+    known = known_numbers(path, frame, name)
     return bool(len(known)) and bool(np.ptp(known) > 0)
