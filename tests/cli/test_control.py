@@ -76,7 +76,7 @@ def test_json_tells_how_the_episodes_went(near_pendulum, tmp_path, capsys):
     assert main(words) == 0
     answer = json.loads(capsys.readouterr().out.splitlines()[-1], parse_constant=pytest.fail)
     assert list(answer)[:6] == ["env", "method", "episodes", "successes", "median_settling_s", "controller_ms"]
-    assert (answer["env"], answer["method"]) == ("symoden/DampedPendulum-v0", "energy-shaping")
+    assert (answer["env"], answer["method"]) == ("symoden/DampedPendulum-v0", "energy-shaping+lqr")
     assert (answer["episodes"], answer["period_s"], answer["max_input"]) == (3, 0.02, [15.0])
     assert answer["largest_input"] <= 15.0
     assert answer["matching"] is None
@@ -90,7 +90,7 @@ def test_json_tells_how_the_episodes_went(near_pendulum, tmp_path, capsys):
 def test_people_get_a_table(near_pendulum, capsys):
     assert main(["control", str(near_pendulum), *QUICK, "--noise", "0.01", "--delay", "0.03"]) == 0
     printed = capsys.readouterr()
-    assert "energy-shaping on symoden/DampedPendulum-v0, inputs up to 15, every 20 ms" in printed.out
+    assert "energy-shaping+lqr on symoden/DampedPendulum-v0, inputs up to 15, every 20 ms" in printed.out
     for line in (
         "successes",
         "median settling time [s]",
@@ -109,7 +109,7 @@ def test_what_friction_holds_is_told_with_its_number(tmp_path, capsys):
     assert main(words) == 0
     assert "friction holds 3 of 3 episodes beside the target" in (told := capsys.readouterr().out)
     assert "moving takes 2.189" in told
-    assert "energy shaping leaves 3 of 3 episodes beside the target" in told
+    assert "energy-shaping+lqr leaves 3 of 3 episodes beside the target" in told
     assert main([*words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["held_by_friction"] == 3
 

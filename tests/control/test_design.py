@@ -22,6 +22,7 @@ from symoden.control import (
     Regulator,
     Tracking,
     _causes,
+    _design,
     audit_energy,
     choose_method,
     design,
@@ -48,26 +49,33 @@ def swing_up():
 
 
 def test_the_method_follows_from_actuation_and_strength():
-    assert choose_method(PENDULUM, [0.0], limits=15.0) == "energy-shaping"
+    assert choose_method(PENDULUM, [0.0], limits=15.0) == "energy-shaping+lqr"
     assert choose_method(PENDULUM, [0.0], limits=4.0) == "swing-up"
-    assert choose_method(FULL_ACROBOT, [np.pi, 0.0]) == "energy-shaping"
+    assert choose_method(FULL_ACROBOT, [np.pi, 0.0]) == "energy-shaping+lqr"
     assert choose_method(FULL_ACROBOT, [np.pi, 0.0], limits=(40.0, 4.0)) == "swing-up"
     assert choose_method(CART_POLE, [0.0, 0.0], limits=15.0) == "swing-up"
     naive = build(ModelConfig(kind="naive", flow=(4,)), Space.parse("T1"), 1, key=jax.random.key(0))
     assert choose_method(naive, [0.0]) == "lqr"
-    assert choose_method(slide(1.5), [0.3], limits=2.0) == "energy-shaping"
+    assert choose_method(slide(1.5), [0.3], limits=2.0) == "energy-shaping+lqr"
     with pytest.raises(ValueError, match="needs a model with an energy; got NaiveModel"):
         design(naive, [0.0], method="energy-shaping")
 
 
 def test_names_make_their_controllers():
     made = {
-        "energy-shaping": design(PENDULUM, [0.0], limits=15.0),
+        "energy-shaping": design(PENDULUM, [0.0], method="energy-shaping", limits=15.0),
+        "energy-shaping+lqr": design(PENDULUM, [0.0], limits=15.0),
         "tracking": design(PENDULUM, [0.0], method="tracking"),
         "lqr": design(PENDULUM, [0.0], method="lqr"),
         "controlled-lagrangian": design(CART_POLE, [0.0, 0.0], method="controlled-lagrangian", limits=15.0),
     }
-    assert [type(each) for each in made.values()] == [EnergyShaping, Tracking, Regulator, ControlledLagrangian]
+    assert [type(each) for each in made.values()] == [
+        EnergyShaping,
+        Handover,
+        Tracking,
+        Regulator,
+        ControlledLagrangian,
+    ]
     assert {*made, "swing-up"} <= set(METHODS)
     with pytest.raises(ValueError, match="Swing-up needs limits"):
         design(PENDULUM, [0.0], method="swing-up")
@@ -120,6 +128,51 @@ def test_whether_more_input_helps_against_friction_is_tried(limit, message):
     plant = build(ModelConfig(), Space.parse("T1"), 1, known=parts, key=jax.random.key(0))
     with pytest.raises(ValueError, match=message):
         design(plant, [0.0], method="swing-up", limits=limit)
+
+
+def eccentric(friction):
+    """A disk with a weight of 1 N m at its rim, and dry friction [N m]."""
+    parts = KnownParts(
+        mass_matrix=[[0.05]],
+        potential_energy="cos(q1)",
+        input_matrix=[[1]],
+        dissipation_matrix=[[f"{friction}/sqrt(v1**2 + 4e-4)"]],
+    )
+    return build(ModelConfig(), Space.parse("T1"), 1, known=parts, key=jax.random.key(0))
+
+
+@pytest.mark.parametrize(
+    ("friction", "limit", "method"),
+    [
+        (0.2, 1.45, "energy-shaping+lqr"),
+        (0.2, 1.35, "swing-up"),
+        (1.5, 1.2, "energy-shaping+lqr"),
+    ],
+)
+def test_half_of_what_the_weight_leaves_must_overcome_friction(friction, limit, method):
+    assert choose_method(eccentric(friction), [0.0], limits=limit) == method
+
+
+def test_a_regulator_ends_what_friction_makes_energy_shaping_creep():
+    plant, loop = eccentric(0.3), Loop(duration=6.0, period=0.01)
+    q0 = np.linspace(-3, 3, 5)[:, None]
+    settling = []
+    for method in ("energy-shaping", "energy-shaping+lqr"):
+        controller = design(plant, [1.0], method=method, limits=1.7, period=0.01)
+        verdict = judge(run_episodes(plant, controller, q0, 0 * q0, loop), plant.space, np.array([1.0]))
+        settling.append(np.where(verdict.success, verdict.settling, np.inf).max())
+    assert settling[1] < 0.6 * min(settling[0], 6.0)
+
+
+def test_energy_shaping_stays_alone_where_no_regulator_holds_the_model(monkeypatch):
+    monkeypatch.setattr(_design, "attraction", lambda *_, **__: 0.0)
+    assert isinstance(design(PENDULUM, [0.0], limits=15.0), EnergyShaping)
+
+    def none(*_, **__):
+        raise ValueError
+
+    monkeypatch.setattr(_design, "by_stiffness", none)
+    assert isinstance(design(PENDULUM, [0.0], limits=15.0), EnergyShaping)
 
 
 def test_what_no_regulator_can_do_is_refused_before_it_is_tried():

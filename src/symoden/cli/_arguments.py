@@ -271,7 +271,7 @@ class Control:
         env: Machine: symoden/DampedPendulum-v0, symoden/DampedCartPole-v0, symoden/DampedAcrobot-v0,
             symoden/FullyActuatedCartPole-v0 or symoden/FullyActuatedAcrobot-v0; or model, the learned one.
         target: Where to go, a number for each coordinate [rad or m]; of a simulated machine it is upright.
-        method: How: energy-shaping, ida-pbc, controlled-lagrangian, swing-up, tracking or lqr.
+        method: How: energy-shaping, energy-shaping+lqr, ida-pbc, controlled-lagrangian, swing-up, tracking or lqr.
         max_input: Largest magnitude of every input, or of each [N or N m].
         noise: Standard deviation of the noise on every measured coordinate and velocity; a Kalman filter on the model
             then stands before the controller.

@@ -8,7 +8,15 @@ from symoden.wording import LEARNED
 from ._arguments import Control
 from ._figure import check_figure
 
-METHODS: Final = ("energy-shaping", "ida-pbc", "controlled-lagrangian", "swing-up", "tracking", "lqr")
+METHODS: Final = (
+    "energy-shaping",
+    "energy-shaping+lqr",
+    "ida-pbc",
+    "controlled-lagrangian",
+    "swing-up",
+    "tracking",
+    "lqr",
+)
 """Names of all methods of control; a test compares them."""
 
 

@@ -229,11 +229,12 @@ def _stuck_words(result: ControlResult) -> Iterator[str]:
 def _other_methods(result: ControlResult) -> Iterator[str]:
     """What may do better where energy shaping does not bring all episodes to the target."""
     missed = int((~result.verdict.success).sum())
-    if result.method == "energy-shaping" and missed:
+    others = ("energy-shaping+lqr",) if result.method == "energy-shaping" else ()
+    others += ("swing-up",) if any(result.machine.system.space.is_angle) else ()
+    if missed and others and result.method in {"energy-shaping", "energy-shaping+lqr"}:
         yield (
-            f"energy shaping leaves {missed} of {len(result.verdict.success)} episodes beside the target; a regulator, "
-            "which is as stiff as the model asks for, may not: `--method lqr`, or `swing-up` where weight pulls angles "
-            "down."
+            f"{result.method} leaves {missed} of {len(result.verdict.success)} episodes beside the target; "
+            f"{' or '.join(f'`--method {each}`' for each in others)} may not."
         )
 
 

@@ -18,17 +18,21 @@ from ._controller import AbstractController, Limits, Target, as_array, input_lim
 from ._follower import Follower
 from ._handover import Handover
 from ._ida_pbc import IdaPbc
+from ._judge import Tolerance
 from ._lagrangian import ControlledLagrangian
 from ._loop import run_episodes
 from ._plan import plan_motion
 from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate
+from ._regulator import Regulator
 from ._sampling import check_period
-from ._scales import bandwidth, configurations, energy_range, static_load
+from ._scales import bandwidth, configurations, energy_range, slow_friction, static_load
 from ._search import SEARCHED, searched
 from ._shaping import EnergyShaping
 from ._tracking import Reference, Tracking
 
-Method: TypeAlias = Literal["energy-shaping", "ida-pbc", "controlled-lagrangian", "swing-up", "tracking", "lqr"]
+Method: TypeAlias = Literal[
+    "energy-shaping", "energy-shaping+lqr", "ida-pbc", "controlled-lagrangian", "swing-up", "tracking", "lqr"
+]
 """Name of a way to make a controller."""
 METHODS: Final[tuple[Method, ...]] = get_args(Method)
 """Names of all methods."""
@@ -85,14 +89,11 @@ def design(
     Example:
         >>> from symoden.systems import Pendulum
         >>> controller = design(Pendulum(), [jnp.pi], limits=15.0)
-        >>> type(controller).__name__
-        'EnergyShaping'
+        >>> type(controller).__name__, type(controller.far).__name__
+        ('Handover', 'EnergyShaping')
     """
     refuse_no_system(model)
-    if (shape := as_array(target).shape) != (model.space.size,):
-        raise ValueError(
-            f"`target` must be a list of one number for each coordinate, {model.space.size}; got shape {shape}."
-        )
+    _refuse_no_configuration(model, target)
     chosen = choose_method(model, target, limits=limits) if method is None else method
     if chosen == "lqr":
         tell("trying how stiff the regulator must be")
@@ -102,6 +103,9 @@ def design(
     match chosen:
         case "energy-shaping":
             controller = EnergyShaping.of(model, target, limits=limits, period=period)
+        case "energy-shaping+lqr":
+            far = design(model, target, method="energy-shaping", limits=limits, period=period)
+            return _with_regulator(model, far, as_array(target), limits=limits, period=period, tell=tell)
         case "tracking":
             controller = Tracking.of(model, reference or slow_swing(model, as_array(target)), limits=limits)
         case "ida-pbc":
@@ -119,6 +123,14 @@ def design(
     return controller
 
 
+def _refuse_no_configuration(model: AbstractDynamics, target: Target) -> None:
+    """Refuse a target of another size."""
+    if (shape := as_array(target).shape) != (model.space.size,):
+        raise ValueError(
+            f"`target` must be a list of one number for each coordinate, {model.space.size}; got shape {shape}."
+        )
+
+
 def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = None) -> Method:
     """Method that suits a system: energy shaping where the inputs can carry it everywhere, or swing-up of angles.
 
@@ -132,10 +144,37 @@ def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = N
     """
     if not isinstance(model, AbstractPortHamiltonian):
         return "lqr"
-    bounds, load = input_limits(limits, model.inputs), static_load(model, as_array(target))
-    if model.inputs == model.space.size and np.all(bounds > load):
-        return "energy-shaping"
+    if model.inputs == model.space.size and _is_strong(model, as_array(target), limits):
+        return "energy-shaping+lqr"
     return "swing-up" if any(model.space.is_angle) else "lqr"
+
+
+def _is_strong(model: AbstractPortHamiltonian, target: Coordinates, limits: Limits) -> bool:
+    """Whether inputs, one for each coordinate, lift the weight anywhere, and move it with half of what it leaves."""
+    # That half is what energy shaping pushes with far from its target. Of less weight than friction nothing is swung
+    # up, and no other method pushes harder.
+    load = static_load(model, target)
+    drag = slow_friction(model, target, as_array(Tolerance().velocity))
+    friction = np.abs(np.linalg.solve(np.asarray(model.input_matrix(target)), np.asarray(drag)))
+    return bool(np.all(input_limits(limits, model.inputs) > load + np.where(load > friction, 2 * friction, 0.0)))
+
+
+def _with_regulator(
+    model: AbstractPortHamiltonian,
+    far: AbstractController,
+    target: Coordinates,
+    *,
+    limits: Limits,
+    period: float | None,
+    tell: Tell,
+) -> AbstractController:
+    """A controller, and near its target a regulator where one holds the model there."""
+    tell("simulating the model under its regulator")
+    try:
+        near, level = _regulator_and_level(model, target, limits=limits, period=period)
+    except ValueError:  # The limits, or the period, leave none.
+        return far
+    return Handover(far=far, near=near, level=as_array(level), limits=near.limits) if level else far
 
 
 def slow_swing(model: AbstractPortHamiltonian, target: Coordinates) -> Reference:
@@ -164,11 +203,8 @@ def _swing_up(
     if not np.isfinite(input_limits(limits, model.inputs)).all():
         raise ValueError("Swing-up needs limits of the inputs: what would be planned without them has no bound.")
     _check_height(model, target, limits)
-    simulated = simulated_period(period)
     tell("simulating the model under its regulator")
-    regulators = by_stiffness(model, target, limits=limits, period=period)
-    tried = ((each, attraction(model, each, period=simulated)) for each in regulators)
-    near, level = next((each for each in tried if each[1] > 0), (regulators[0], 0.0))
+    near, level = _regulator_and_level(model, target, limits=limits, period=period)
     if level == 0:
         raise ValueError(why_not_held(model, near, period))
 
@@ -188,7 +224,18 @@ def _swing_up(
     follower = Follower.of(model, motion, near)
     tell("simulating the model along the planned motion")
     whole = hand_over(follower)
-    return eqx.tree_at(lambda c: c.far.level, whole, as_array(follower_level(model, whole, period=simulated)))
+    return eqx.tree_at(
+        lambda c: c.far.level, whole, as_array(follower_level(model, whole, period=simulated_period(period)))
+    )
+
+
+def _regulator_and_level(
+    model: AbstractPortHamiltonian, target: Coordinates, *, limits: Limits, period: float | None
+) -> tuple[Regulator, float]:
+    """The softest regulator that holds the model near its target, and up to which cost to go; zero if none does."""
+    regulators = by_stiffness(model, target, limits=limits, period=period)
+    tried = ((each, attraction(model, each, period=simulated_period(period))) for each in regulators)
+    return next((each for each in tried if each[1] > 0), (regulators[0], 0.0))
 
 
 def _check_height(model: AbstractPortHamiltonian, target: Coordinates, limits: Limits) -> None:
