@@ -114,6 +114,15 @@ def test_what_friction_holds_is_told_with_its_number(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["held_by_friction"] == 3
 
 
+def test_what_a_target_leaves_free_is_none_and_is_named_where_it_helps(near_cart_pole, tmp_path, capsys):
+    words = ["control", str(near_cart_pole), "--method", "lqr", "--max-input", "15", *QUICK, "--target"]
+    assert main([*words, "-", "0", "--json", "--figure", str(tmp_path / "a.png")]) == 0
+    answer = json.loads(capsys.readouterr().out.splitlines()[-1], parse_constant=pytest.fail)
+    assert (answer["target"], answer["successes"]) == ([None, 0.0], 3)
+    assert main([*words, "0", "0"]) == 0
+    assert "need not come to rest anywhere, `--target - 0` may not." in capsys.readouterr().out
+
+
 def test_ida_pbc_tells_what_remains_unmatched(near_cart_pole, capsys):
     words = ["control", str(near_cart_pole), "--method", "ida-pbc", *QUICK]
     assert main([*words, "--json"]) == 0
@@ -232,9 +241,10 @@ def test_an_input_of_which_the_data_tell_nothing_is_named_where_that_was_found_o
     [
         (
             ["--target", "1", "2"],
-            "The target must be one finite number for each of the 1 coordinates of T1; got 1.0, 2.0",
+            "finite number for each of the 1 coordinates of T1, or - where one is free; got 1.0, 2.0",
         ),
-        (["--target", "nan"], "finite number"),
+        (["--target", "inf"], "one finite number"),
+        (["--target", "-"], "at least one coordinate; all were left free"),
         (["--target", "180"], "got 180 rad, which is 28.6 turns. If degrees were meant, write 3.1416"),
         (["--env", "model"], "needs `--target`"),
         (["--target", "0", "--env", "symoden/DampedPendulum-v0"], "goes to where it is upright"),

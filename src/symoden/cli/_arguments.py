@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from tyro.conf import Positional, arg
 
@@ -270,7 +270,8 @@ class Control:
         run: Folder of the run.
         env: Machine: symoden/DampedPendulum-v0, symoden/DampedCartPole-v0, symoden/DampedAcrobot-v0,
             symoden/FullyActuatedCartPole-v0 or symoden/FullyActuatedAcrobot-v0; or model, the learned one.
-        target: Where to go, a number for each coordinate [rad or m]; of a simulated machine it is upright.
+        target: Where to go, a number for each coordinate [rad or m], or - where it need not come to rest anywhere, as a
+            reaction wheel; of a simulated machine it is upright.
         method: How: energy-shaping, energy-shaping+lqr, ida-pbc, controlled-lagrangian, swing-up, tracking or lqr.
         max_input: Largest magnitude of every input, or of each [N or N m].
         noise: Standard deviation of the noise on every measured coordinate and velocity; a Kalman filter on the model
@@ -287,7 +288,9 @@ class Control:
 
     run: RunFolder
     env: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(default: the run's task, or its model)")] = None
-    target: Annotated[tuple[float, ...], arg(metavar="Q [Q ...]", help_behavior_hint="(default: upright)")] = ()
+    target: Annotated[
+        tuple[float | Literal["-"], ...], arg(metavar="Q [Q ...]", help_behavior_hint="(default: upright)")
+    ] = ()
     method: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: what suits the system)")] = None
     max_input: Annotated[
         tuple[float, ...],

@@ -7,10 +7,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final, cast
 
+import jax.numpy as jnp
 import numpy as np
 
 from symoden.blocks import without_silent
-from symoden.control import Loop, Method, Tolerance, input_limits
+from symoden.control import Loop, Method, Tolerance, input_limits, weightless
 from symoden.experiments import (
     ControlConfig,
     ControlResult,
@@ -23,7 +24,7 @@ from symoden.experiments import (
     read_run,
     try_control,
 )
-from symoden.mechanics import AbstractDynamics
+from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
 from symoden.storage import write_atomically
 from symoden.systems import Machine
 from symoden.training import POSTERIOR, AbstractPosterior
@@ -82,8 +83,11 @@ def _learned(
     """The model in place of its machine, and the others of its ensemble, to be tried on."""
     ensemble = read_ensemble(command.run, model, config)
     plants = () if ensemble is None else tuple(map(without_silent, ensemble.models()))
-    machine, data = learned_machine(without_silent(model), command.target, config.data.ranges), config.data
+    target = [math.nan if place == "-" else place for place in command.target]
+    machine, data = learned_machine(without_silent(model), target, config.data.ranges), config.data
     for i, name in enumerate(data.position_names):
+        if math.isnan(target[i]):
+            continue
         (low, high), angle = data.ranges.positions[i], model.space.is_angle[i]
         near = "" if angle else hardly_moves(name, high - low)
         # Elsewhere along what nothing depends on all is as it was in training.
@@ -227,15 +231,28 @@ def _stuck_words(result: ControlResult) -> Iterator[str]:
 
 
 def _other_methods(result: ControlResult) -> Iterator[str]:
-    """What may do better where energy shaping does not bring all episodes to the target."""
-    missed = int((~result.verdict.success).sum())
+    """What may do better where not all episodes come to the target."""
+    missed, system = int((~result.verdict.success).sum()), result.machine.system
+    if not missed:
+        return
+    left = f"{result.method} leaves {missed} of {len(result.verdict.success)} episodes beside the target; "
     others = ("energy-shaping+lqr",) if result.method == "energy-shaping" else ()
-    others += ("swing-up",) if any(result.machine.system.space.is_angle) else ()
-    if missed and others and result.method in {"energy-shaping", "energy-shaping+lqr"}:
-        yield (
-            f"{result.method} leaves {missed} of {len(result.verdict.success)} episodes beside the target; "
-            f"{' or '.join(f'`--method {each}`' for each in others)} may not."
-        )
+    others += ("swing-up",) if any(system.space.is_angle) else ()
+    if result.method in {"energy-shaping", "energy-shaping+lqr"} and others:
+        yield f"{left}{' or '.join(f'`--method {each}`' for each in others)} may not."
+    if result.machine.learned and result.method in {"swing-up", "lqr"} and system.inputs < system.space.size:
+        yield from _what_may_be_free(result, left)
+
+
+def _what_may_be_free(result: ControlResult, left: str) -> Iterator[str]:
+    """Which coordinates the target might leave free, where that was not tried."""
+    system, target = result.machine.system, result.machine.target
+    if not isinstance(system, AbstractPortHamiltonian) or np.isnan(target).any():
+        return
+    free = weightless(system, jnp.asarray(target))
+    if free.any() and not free.all():
+        places = " ".join("-" if may else number(place) for may, place in zip(free, target, strict=True))
+        yield f"{left}if what weight does not depend on need not come to rest anywhere, `--target {places}` may not."
 
 
 def _as_json(result: ControlResult, settings: ControlConfig, outside: float, command: Control) -> dict[str, object]:
@@ -254,7 +271,7 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
         "noise": loop.noise,
         "period_s": loop.period,
         "delay_s": loop.delay,
-        "target": list(result.machine.target),
+        "target": [None if math.isnan(place) else place for place in result.machine.target],
         "models": len(result.plants),
         "duration_s": loop.duration,
         "seed": settings.seed,

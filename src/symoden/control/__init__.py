@@ -20,6 +20,7 @@ from ._design import (
     silent as silent,
 )
 from ._follower import Follower as Follower
+from ._free import weightless as weightless
 from ._handover import Handover as Handover
 from ._ida_pbc import IdaPbc as IdaPbc, Matching as Matching
 from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
@@ -86,4 +87,5 @@ __all__ = [
     "run_episodes",
     "run_in_turn",
     "silent",
+    "weightless",
 ]

@@ -12,6 +12,7 @@ from symoden.mechanics import AbstractDynamics
 
 from ._controller import Limits, Target, as_array
 from ._follower import Follower
+from ._free import anchored, free_of
 from ._handover import Handover
 from ._judge import Tolerance
 from ._loop import Loop, run_episodes
@@ -29,6 +30,7 @@ _LEVELS: Final = 16
 _SMALLEST: Final = 1e-3
 _CALMED: Final = 0.02
 _SHARE: Final = 0.8
+_FASTER: Final = 3.0
 _FUNNELS: Final = np.geomspace(0.02, 2.0, 6)
 _ENOUGH: Final = 0.95
 _PLAN_PERIOD: Final = 0.02
@@ -163,13 +165,17 @@ def _ellipsoids(
 ) -> tuple[Float[np.ndarray, " l"], Float[np.ndarray, "k n"], Float[np.ndarray, "k n"]]:
     """Levels of the cost to go, and states on them, one level after the other."""
     generator = np.random.default_rng(seed)
-    inverse = np.linalg.inv(np.asarray(regulator.cost))
-    s, n = len(inverse), regulator.space.size
+    kept, n = regulator.kept, regulator.space.size
+    inverse = np.linalg.inv(np.asarray(regulator.cost)[np.ix_(kept, kept)])
+    s = len(inverse)
     # An angle may reach half a turn, a length and a speed as much.
-    levels = np.geomspace(_SMALLEST, 1.0, _LEVELS) * np.pi**2 / np.diag(inverse)[:n].max()
-    x = np.sqrt(levels)[:, None, None] * (_sphere(generator, s) @ np.linalg.cholesky(inverse).T)
-    q0, v0 = np.split(x.reshape(-1, s), 2, axis=1)
-    return levels, q0 + np.asarray(regulator.target), v0
+    levels = np.geomspace(_SMALLEST, 1.0, _LEVELS) * np.pi**2 / np.diag(inverse)[: s - n].max()
+    x = np.zeros((_LEVELS, _DIRECTIONS, 2 * n))
+    x[..., kept] = np.sqrt(levels)[:, None, None] * (_sphere(generator, s) @ np.linalg.cholesky(inverse).T)
+    q0, v0 = np.split(x.reshape(-1, 2 * n), 2, axis=1)
+    # Beyond the largest speed that counts all cost the same.
+    v0 = np.where(np.abs(v0) > np.asarray(regulator.fastest), _FASTER * v0, v0)
+    return levels, q0 + np.asarray(anchored(regulator.target)), v0
 
 
 def _followed(
@@ -197,9 +203,10 @@ def _ends(
     regulator: Regulator, q: Float[Array, "k n"], v: Float[Array, "k n"]
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Costs to go, and deviations beside the tolerance: at most 1 of what is at the target."""
-    there = Tolerance()
-    x, costs = map(np.asarray, _deviations(regulator, q, v))
-    return costs, np.abs(x / np.repeat([there.position, there.velocity], regulator.space.size)).max(axis=1)
+    there, n = Tolerance(), regulator.space.size
+    x, costs = map(np.array, _deviations(regulator, q, v))
+    x[:, n:] *= ~free_of(regulator.target)  # No speed is asked of them either.
+    return costs, np.abs(x / np.repeat([there.position, there.velocity], n)).max(axis=1)
 
 
 @eqx.filter_jit

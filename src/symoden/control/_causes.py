@@ -12,6 +12,7 @@ from symoden.wording import number
 
 from ._attraction import QUICK, attraction, by_stiffness, simulated_period
 from ._controller import as_array
+from ._free import anchored
 from ._judge import Tolerance
 from ._regulator import Regulator, linearize, remaining_motion
 
@@ -42,12 +43,13 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
         return any(attraction(model, each, period=simulated_period(period)) > 0 for each in others)
 
     limits = tuple(regulator.limits.tolist())
-    A, B, _ = linearize(model, regulator.target, speed=Tolerance().velocity)
-    motion = remaining_motion(model, regulator.target, regulator.hold)
-    rest = np.linalg.solve(A - B @ np.asarray(regulator.gain), -motion)
-    aside = float(np.abs(rest[: model.space.size]).max())
+    goal, kept = anchored(regulator.target), regulator.kept
+    A, B, _ = linearize(model, goal, speed=Tolerance().velocity)
+    motion = remaining_motion(model, goal, regulator.hold)
+    rest = np.linalg.solve((A - B @ np.asarray(regulator.gain))[np.ix_(kept, kept)], -motion[kept])
+    aside = float(np.abs(rest[: -model.space.size]).max())
     if aside > Tolerance().position:
-        nearest = _nearest_equilibrium(model, regulator.target)
+        nearest = _nearest_equilibrium(model, goal)
         where = "." if nearest is None else f"; nearby that is {nearest.round(4).tolist()}."
         return (
             f"The target {target} must be an equilibrium of the model, but no input holds it there: the regulator "

@@ -16,13 +16,14 @@ from ._attraction import attraction, by_stiffness, follower_level, simulated_per
 from ._causes import why_not_held
 from ._controller import AbstractController, Limits, Target, as_array, input_limits
 from ._follower import Follower
+from ._free import anchored, check_free, free_of, weightless
 from ._handover import Handover
 from ._ida_pbc import IdaPbc
 from ._judge import Tolerance
 from ._lagrangian import ControlledLagrangian
 from ._loop import run_episodes
 from ._plan import plan_motion
-from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate
+from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate, is_direct
 from ._regulator import Regulator
 from ._sampling import check_period
 from ._scales import bandwidth, configurations, energy_range, slow_friction, static_load
@@ -40,7 +41,6 @@ Tell: TypeAlias = Callable[[str], None]
 """Called with a line of text about what is being done."""
 
 _STARTS: Final = 16
-_CYCLIC: Final = 0.02
 _NEWTON: Final = 5
 _LEISURE: Final = 0.63  # Of the system's own rate [rad/s].
 _FLAT: Final = 1e-2  # Curvature, relative to the largest.
@@ -70,7 +70,8 @@ def design(
 
     Args:
         model: System or learned model; a model without energy allows "lqr" only.
-        target: Configuration to go to.
+        target: Configuration to go to; for "lqr" and "swing-up" NaN along coordinates that are free, that need not come
+            to rest anywhere, such as the angle of a reaction wheel.
         method: How; `choose_method` decides if absent.
         limits: Largest magnitude of the inputs, one number or one for each; None for none.
         period: Control period [s] that regulators are optimal for, that bounds gains, and that must be short enough for
@@ -93,7 +94,7 @@ def design(
         ('Handover', 'EnergyShaping')
     """
     refuse_no_system(model)
-    _refuse_no_configuration(model, target)
+    _check_target(model, target, method)
     chosen = choose_method(model, target, limits=limits) if method is None else method
     if chosen == "lqr":
         tell("trying how stiff the regulator must be")
@@ -123,12 +124,16 @@ def design(
     return controller
 
 
-def _refuse_no_configuration(model: AbstractDynamics, target: Target) -> None:
-    """Refuse a target of another size."""
-    if (shape := as_array(target).shape) != (model.space.size,):
+def _check_target(model: AbstractDynamics, target: Target, method: Method | None) -> None:
+    """Refuse a target of another size, and one that leaves free what weight depends on, or the method needs."""
+    goal = as_array(target)
+    if goal.shape != (model.space.size,):
         raise ValueError(
-            f"`target` must be a list of one number for each coordinate, {model.space.size}; got shape {shape}."
+            f"`target` must be a list of one number for each coordinate, {model.space.size}; got shape {goal.shape}."
         )
+    check_free(model, goal)
+    if free_of(goal).any() and method not in {None, "lqr", "swing-up"}:
+        raise ValueError(f"The method {method!r} needs a place for each coordinate; swing-up and lqr leave some free.")
 
 
 def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = None) -> Method:
@@ -136,7 +141,7 @@ def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = N
 
     Args:
         model: System or model.
-        target: Configuration to go to.
+        target: Configuration to go to; NaN along coordinates that are free.
         limits: Largest magnitude of the inputs.
 
     Returns:
@@ -144,9 +149,11 @@ def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = N
     """
     if not isinstance(model, AbstractPortHamiltonian):
         return "lqr"
-    if model.inputs == model.space.size and _is_strong(model, as_array(target), limits):
+    goal = as_array(target)
+    free = free_of(goal)
+    if model.inputs == model.space.size and not free.any() and _is_strong(model, goal, limits):
         return "energy-shaping+lqr"
-    return "swing-up" if any(model.space.is_angle) else "lqr"
+    return "swing-up" if (model.space.is_angle & ~free).any() else "lqr"
 
 
 def _is_strong(model: AbstractPortHamiltonian, target: Coordinates, limits: Limits) -> bool:
@@ -202,7 +209,8 @@ def _swing_up(
     """Energy where it suffices, a planned motion otherwise; then a regulator."""
     if not np.isfinite(input_limits(limits, model.inputs)).all():
         raise ValueError("Swing-up needs limits of the inputs: what would be planned without them has no bound.")
-    _check_height(model, target, limits)
+    goal = anchored(target)
+    _check_height(model, goal, limits)
     tell("simulating the model under its regulator")
     near, level = _regulator_and_level(model, target, limits=limits, period=period)
     if level == 0:
@@ -211,14 +219,19 @@ def _swing_up(
     def hand_over(far: AbstractController) -> Handover:
         return Handover(far=far, near=near, level=as_array(level), limits=near.limits)
 
-    if model.space.size == 1:
+    if is_direct(model, target):
         return hand_over(EnergyPump.of(model, target, limits=limits))
-    if _rides(model, target):
+    if _rides(model, goal):
         tell("searching swing-up gains on the model")
-        starts = _anywhere(model, target)
+        starts = _anywhere(model, goal)
         pumped = searched(model, hand_over(CollocatedPump.of(model, target, limits=limits)), *starts)
         if _arrives(model, pumped, *starts):
             return pumped
+    if free_of(target).any():
+        raise ValueError(
+            f"No swing-up to {target.tolist()} was found on the model, and motions are planned to whole configurations "
+            "alone. Give a place for each coordinate, or use lqr from near the target."
+        )
     tell("planning a motion on the model")
     motion = plan_motion(model, lowest(model, target), target, limits=limits)
     follower = Follower.of(model, motion, near)
@@ -253,9 +266,7 @@ def _rides(model: AbstractPortHamiltonian, target: Coordinates) -> bool:
     """Whether two coordinates have one input, on the one that the potential energy does not depend on."""
     if model.space.size != 2 or model.inputs != 1:
         return False
-    slopes = jax.vmap(jax.grad(potential, argnums=1), (None, 0))(model, configurations(model, target))
-    largest = np.abs(np.asarray(slopes)).max(axis=0)
-    return bool(largest[actuated_coordinate(model, target)] < _CYCLIC * largest.max())
+    return bool(weightless(model, target)[actuated_coordinate(model, target)])
 
 
 def _anywhere(

@@ -56,7 +56,7 @@ def judge(
     Args:
         episodes: A batch of records.
         space: Configuration space; angles count the short way round.
-        target: Wanted configuration, or one for each sample.
+        target: Wanted configuration, or one for each sample; NaN along coordinates of which nothing is wanted.
         velocities: Wanted velocities at each sample; zero if absent.
         tolerance: What counts as being there.
 
@@ -65,10 +65,11 @@ def judge(
     """
     near = Tolerance() if tolerance is None else tolerance
     ts = np.asarray(episodes.ts)[0]
-    e = np.asarray(episodes.q) - np.asarray(target)
+    wanted = ~np.isnan(np.asarray(target))
+    e = np.asarray(episodes.q) - np.where(wanted, target, 0.0)
     e = np.where(space.is_angle, np.mod(e + np.pi, 2 * np.pi) - np.pi, e)
     v = np.asarray(episodes.v) - (0.0 if velocities is None else velocities)
-    position, speed = np.abs(e).max(axis=2), np.abs(v).max(axis=2)
+    position, speed = (np.abs(each * wanted).max(axis=2) for each in (e, v))
     with np.errstate(invalid="ignore"):
         there = (position <= near.position) & (speed <= near.velocity)
     last = ts > ts[-1] - near.hold

@@ -1,32 +1,38 @@
 """Linear-quadratic regulator about an equilibrium, and where it may be trusted."""
 
-from typing import final
+from typing import Final, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian
 from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
+from ._free import anchored, free_of, way_from
 from ._judge import Tolerance
 from ._motion import jacobians, state_rates, velocity_field
 
 _REST = 1e-6
+_UNHURRIED: Final = 0.3  # Share of the limits with which speeds of free coordinates are brought back.
 
 
 @final
 class Regulator(AbstractController):
     """Holds a system at an equilibrium by linear feedback, u = u* − K (e, v), angles the short way round.
 
+    Of coordinates that the target leaves free, a reaction wheel's angle or a robot's place, only the speed is brought
+    back to zero, with a share of the limits at most: as fast as it may be, the rest is held all the same.
+
     Attributes:
         configurations: Configuration space.
-        target: Configuration to hold.
+        target: Configuration to hold; NaN along coordinates that are free.
+        fastest: Largest speeds that count; infinite but for free coordinates.
         hold: Input u* that holds it.
         gain: K.
         cost: P; (e, v)ᵀ P (e, v) is the cost to go of the linearised system without limits.
@@ -46,6 +52,7 @@ class Regulator(AbstractController):
 
     configurations: Space
     target: Coordinates
+    fastest: Velocities
     hold: Inputs
     gain: Float[Array, "m s"]
     cost: Float[Array, "s s"]
@@ -69,12 +76,14 @@ class Regulator(AbstractController):
         an input at its limit; without limits, as an input that accelerates the system by ω² there. Stiffer, a smaller
         deviation does. `design` finds how stiff a system asks for.
 
+        The speed of a free coordinate weighs by what the inputs at their limits give it in 1/ω.
+
         Friction counts as it is at the speed that counts as rest (`Tolerance`). At rest dry friction seems to hold
         everything, and what is optimal with it brakes too little where it moves.
 
         Args:
             dynamics: System or learned model, one without energy included.
-            target: Configuration to hold.
+            target: Configuration to hold; NaN along coordinates that are free.
             limits: Largest magnitude of the inputs; None for none.
             period: Control period [s] for which the gain is optimal; None for continuous control.
             stiffness: A deviation of so many times less weighs as much.
@@ -87,29 +96,36 @@ class Regulator(AbstractController):
         """
         goal = as_array(target)
         bounds = input_limits(limits, dynamics.inputs)
-        A, B, hold = linearize(dynamics, goal, speed=Tolerance().velocity)
+        A, B, hold = linearize(dynamics, anchored(goal), speed=Tolerance().velocity)
         if not np.all(np.abs(hold) < bounds):
             raise ValueError(
                 f"The limits must exceed what holding the target takes, {np.abs(hold).round(3).tolist()}; they are "
                 f"{bounds.round(3).tolist()}. Allow more input, or choose a target that takes less."
             )
-        n = dynamics.space.size
+        n, free = dynamics.space.size, free_of(goal)
         omega = max(1.0, float(np.sqrt(np.abs(np.linalg.eigvals(A[n:, :n])).max())))
         units = np.where(np.isfinite(bounds), bounds, omega**2 / np.linalg.norm(B[n:], axis=0))
-        Q = np.diag(np.repeat([1.0, omega**-2], n))
+        speeds = np.where(free, np.linalg.norm(B[n:] * units, axis=1) / omega, omega)
+        Q = np.diag(np.concatenate([np.where(free, 0.0, 1.0), np.maximum(speeds, omega) ** -2]))
         R = np.diag((stiffness * units) ** -2)
+        kept = np.concatenate([~free, np.ones(n, bool)])
+        within = np.ix_(kept, kept)
+        gain, P = np.zeros((len(bounds), 2 * n)), np.zeros((2 * n, 2 * n))
         try:
-            gain, P = _riccati(A, B, Q, R, period)
+            gain[:, kept], P[within] = _riccati(A[within], B[kept], Q[within], R, period)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ValueError(f"The system cannot be stabilised at {goal.tolist()}: {error}.") from None
-        if not _spans_ellipsoids(P):
+        if not _spans_ellipsoids(P[within]):
             raise ValueError(
                 f"The system can be stabilised at {goal.tolist()} from so near alone that rounding hides it. Raise the "
                 "limits, or shorten the period."
             )
+        with np.errstate(divide="ignore"):
+            counted = ((bounds - np.abs(hold))[:, None] / np.abs(gain[:, n:])).min(axis=0)
         return cls(
             configurations=dynamics.space,
             target=goal,
+            fastest=as_array(np.where(free, _UNHURRIED * counted, np.inf)),
             hold=as_array(hold),
             gain=as_array(gain),
             cost=as_array(P),
@@ -123,8 +139,13 @@ class Regulator(AbstractController):
         """Configuration space."""
         return self.configurations
 
+    @property
+    def kept(self) -> Bool[np.ndarray, " s"]:
+        """Which of (e, v) count: all but the places of free coordinates."""
+        return np.concatenate([~free_of(self.target), np.ones(self.space.size, bool)])
+
     def deviation(self, q: Coordinates, v: Velocities) -> Float[Array, " s"]:
-        """Way from the target, then the velocities.
+        """Way from the target, then the velocities; of free coordinates nothing, and at most `fastest`.
 
         Args:
             q: Coordinates.
@@ -133,7 +154,7 @@ class Regulator(AbstractController):
         Returns:
             (e, v).
         """
-        return jnp.concatenate([self.space.difference(q, self.target), v])
+        return jnp.concatenate([way_from(self.target, self.space, q), jnp.clip(v, -self.fastest, self.fastest)])
 
     def desired_energy(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Scalar:
         """Cost to go (e, v)ᵀ P (e, v), not in joules."""

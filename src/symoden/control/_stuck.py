@@ -12,6 +12,7 @@ from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, gradien
 from symoden.shapes import Coordinates, Inputs
 
 from ._controller import as_array
+from ._free import way_from
 from ._judge import Tolerance, judge
 from ._loop import Episode
 from ._scales import slow_friction
@@ -66,7 +67,7 @@ def _forces(
     """Of the farthest coordinate, in inputs: distance, push towards the target, friction, and friction when slower."""
 
     def one(q: Coordinates, u: Inputs) -> tuple[Array, ...]:
-        e, g = plant.space.difference(q, target), plant.input_matrix(q)
+        e, g = way_from(target, plant.space, q), plant.input_matrix(q)
         i = jnp.argmax(jnp.abs(e))
         unit = jnp.abs(g[i]).max()
         push = -jnp.sign(e[i]) * (g @ u - gradient(plant, q))[i]

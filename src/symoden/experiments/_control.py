@@ -200,7 +200,7 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
 
     Args:
         model: The model.
-        target: Where to go.
+        target: Where to go; NaN along coordinates that need not come to rest anywhere.
         ranges: Ranges of its training data; the inputs' largest magnitudes there limit them.
 
     Returns:
@@ -210,13 +210,14 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
         ValueError: If the target is no configuration, lies far outside the data or more than a turn away, or the model
             has no inputs.
     """
-    if len(target) != model.space.size or not np.isfinite(target).all():
+    if len(target) != model.space.size or np.isinf(target).any():
         raise ValueError(
-            f"The target must be one finite number for each of the {model.space.size} coordinates of {model.space}; "
-            f"got {', '.join(map(str, target))}."
+            f"The target must be one finite number for each of the {model.space.size} coordinates of {model.space}, or "
+            f"- where one is free; got {', '.join('-' if np.isnan(place) else str(place) for place in target)}."
         )
     for i, (angle, value, bounds) in enumerate(zip(model.space.is_angle, target, ranges.positions, strict=True)):
-        _check_target(i + 1, value, bounds, angle=angle)
+        if not np.isnan(value):
+            _check_target(i + 1, value, bounds, angle=angle)
     limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
     if not limits:
         raise ValueError("A controller needs inputs; the model was learned from free motion and has none.")

@@ -51,12 +51,12 @@ def starts_of(machine: Machine, method: Method) -> Starts:
     Returns:
         The boxes.
     """
-    space = machine.system.space
+    space, target = machine.system.space, np.nan_to_num(machine.target)
     acrobot = space.size > machine.system.inputs and all(space.is_angle)
     if method == "swing-up" and acrobot:
-        hanging = np.asarray(lowest(machine.system, jnp.asarray(machine.target)))
+        hanging = np.asarray(lowest(machine.system, jnp.asarray(target)))
         return Starts(hanging, np.full(space.size, 0.2), np.full(space.size, 0.1))
     near = method in {"ida-pbc", "controlled-lagrangian", "lqr"}
     size = np.where(space.is_angle, (0.2 if acrobot else 0.6) if near else np.pi, 0.5)
     speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
-    return Starts(np.asarray(machine.target, float), size, speed)
+    return Starts(target, size, speed)

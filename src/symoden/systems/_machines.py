@@ -24,7 +24,7 @@ class Machine(Generic[System]):
         name: Identity of its environment.
         system: The true system, or the model.
         target: Configuration to bring it to; of the paper's machines the one of the highest potential energy, lengths
-            being zero.
+            being zero; NaN along coordinates that need not come to rest anywhere.
         max_input: Largest magnitude of each input that its motors give [N or N m].
         learned: Whether the system is a learned model, in place of a simulated machine.
     """
