@@ -120,9 +120,9 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
     if "V" in certain.undetermined:
         yield (
-            'of V all is open: where neither gravity nor a spring acts, `V = "0"` under [known] says so, or `cyclic` '
-            "names the coordinates that nothing depends on; compare by `evaluate`. Where one does, on a coordinate "
-            "that no input acts on, its size beside M is what is open: give a mass or a moment of inertia"
+            'of V all is open: where neither gravity nor a spring acts, `[known]` may have `potential_energy = "0"`, '
+            "or `cyclic` names the coordinates that nothing depends on; compare by `evaluate`. Where one does, on a "
+            "coordinate that no input acts on, its size beside M is what is open: give a mass or a moment of inertia"
         )
     if certain.accelerations and any(_DIAGONAL.fullmatch(entry) for entry in certain.undetermined):
         yield (

@@ -18,6 +18,7 @@ from .checks import (
     find_absent,
     find_fast_sampling,
     find_feedback,
+    find_finer_sampling,
     find_masked,
     find_merged,
     find_short,
@@ -50,6 +51,7 @@ from .signals import AGREES
 
 _ENDS = 2  # First and last rows of a recording, in which inputs are switched on and off.
 _FEW_CLOCKS = 8  # Times that one is set back; rows in another order are off more often.
+_MANY_LATE = 0.1  # Share of time stamps that do not increase.
 
 
 def check_dataset(
@@ -141,7 +143,8 @@ def _together(
     feedback = [] if late else find_feedback(dataset, is_angle)  # By a delay far off inputs seem to be fed back.
     logged = float(np.median(np.concatenate([np.diff(log.ts[np.isfinite(log.ts)]) for log in logs])))
     slow = find_slow_sampling(dataset, is_angle, resample=description.resample, logged=logged)
-    pace = *slow, *find_fast_sampling(dataset, is_angle)
+    finer = find_finer_sampling(resample=description.resample, logged=logged)
+    pace = *finer, *slow, *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
     return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *doubts.description, *doubts.files]
 
@@ -172,8 +175,8 @@ def _check(
         missing=int((~log.complete).sum()),
         gaps=outcome.gaps if isinstance(outcome, Mask) else (),
         channels=examination.facts.channels if examination.facts else (),
-        # Where rows are of several times in turn, what hardly moves is mixed up with what does.
-        findings=(*findings, *(one for one in examination.findings if not (late and _hardly_moves(one)))),
+        # Where rows are of several times in turn, what hardly moves is mixed up with what does, and no rate is right.
+        findings=(*findings, *(one for one in examination.findings if not (late and _is_of_rates(one, log)))),
     )
 
 
@@ -234,9 +237,11 @@ def _of_role(check: RecordingCheck, role: str) -> list[ChannelFacts]:
     return [one for one in check.channels if one.role == role]
 
 
-def _hardly_moves(finding: Finding) -> bool:
-    """Whether it says of a single joint that it hardly moves."""
-    return finding.kind == "idle" and finding.level == "note"
+def _is_of_rates(finding: Finding, log: Log) -> bool:
+    """Whether it says of a single joint that it hardly moves, or of its rate where many time stamps are wrong."""
+    steps = np.diff(log.ts[np.isfinite(log.ts)])
+    idle = finding.kind == "idle" and finding.level == "note"
+    return idle or (finding.kind in {"unit", "sign"} and float((steps <= 0).mean()) > _MANY_LATE)
 
 
 def _idle_everywhere(checks: tuple[RecordingCheck, ...]) -> list[Finding]:

@@ -84,8 +84,9 @@ def prepare(
     restarts = config.restarts if config.adam_steps else 0
     candidates = [fresh(number, awake=number > 0) for number in range(restarts)]  # First a V that is a polynomial.
     awake = (fresh(number, awake=True) for number in range(2))
-    if config.lm_steps and eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake)):
-        candidates = []  # Nothing is: from a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
+    drawn = not eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake))
+    if config.lm_steps and not drawn:  # From a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
+        candidates = candidates[: 0 if _is_guessed(dataset) else 1]
     size = count_parameters(dynamics)
     if not size:
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
@@ -94,7 +95,7 @@ def prepare(
             f"Levenberg-Marquardt must have at most {MOST_SOLVED} numbers to learn, as its matrices hold the squares; "
             f"the model has {size}. Take smaller networks, or Adam alone: `lm_steps=0`."
         )
-    stages = line_up(dataset, dynamics, candidates, config)
+    stages = line_up(dataset, dynamics, candidates, config, drawn=drawn)
     weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
     state = TrainingState(
         stage=0,
@@ -113,6 +114,11 @@ def prepare(
     screened = screened and can_regress(dynamics, config)
     screening = screening_of(whole, dataset, dynamics, stages, config) if screened else None
     return Prepared(stages, state, fresh, screening)
+
+
+def _is_guessed(dataset: Dataset) -> bool:
+    """Whether known parts have parameters, of which a user gave a guess."""
+    return dataset.known is not None and bool(dataset.known.parameters or dataset.known.robot)
 
 
 def _check_savable(dynamics: AbstractDynamics) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from symoden.data import Dataset, Trajectory
-from symoden.data.checks._pace import find_fast_sampling, find_slow_sampling
+from symoden.data.checks._pace import find_fast_sampling, find_finer_sampling, find_slow_sampling
 from symoden.spaces import Space
 from symoden.training import time_scale
 
@@ -101,3 +101,11 @@ def test_rows_that_resample_makes_sparse_are_not_the_loggers():
         (one,) = find_slow_sampling(data, TURNS, resample=resample, logged=0.1)
         assert one.text.endswith("rows are 0.1 s apart")
         assert one.advice.startswith("Log faster, or move slower: ")
+
+
+@pytest.mark.parametrize(
+    ("resample", "told"), [(None, False), (0.01, False), (0.007, False), (0.005, True), (0.1, False)]
+)
+def test_rows_between_those_of_the_logs_are_named(resample, told):
+    found = find_finer_sampling(resample=resample, logged=0.01)
+    assert [one.text[:50] for one in found] == ["`resample = 0.005` makes 2 rows of each one of the"] * told

@@ -17,7 +17,10 @@ def unread(path, header, *, inputs="", constant=False):
     return [one for one in check_dataset(file).findings if one.kind == "idle" and "no `inputs`" in one.text]
 
 
-@pytest.mark.parametrize("name", ["/joint_states/effort/elbow", "tau", "motor_current [A]", "cmd1", "u_pwm", "Torque"])
+@pytest.mark.parametrize(
+    "name",
+    ["/joint_states/effort/elbow", "tau", "motor_current [A]", "cmd1", "u_pwm", "Torque", "U", "u1 [V]", "thrust_2"],
+)
 def test_a_column_that_may_drive_the_machine_is_named(tmp_path, name):
     (one,) = unread(tmp_path, name)
     assert (one.level, one.channel) == ("warning", name)
@@ -25,7 +28,9 @@ def test_a_column_that_may_drive_the_machine_is_named(tmp_path, name):
     assert unread(tmp_path, name, inputs=f'inputs = ["{name}"]') == []
 
 
-@pytest.mark.parametrize("name", ["battery_voltage", "current_time", "temp", "enforced", "cmd_position", "x"])
+@pytest.mark.parametrize(
+    "name", ["battery_voltage", "current_time", "temp", "enforced", "cmd_position", "x", "u_pos", "mu"]
+)
 def test_other_columns_are_not(tmp_path, name):
     assert unread(tmp_path, name) == []
 

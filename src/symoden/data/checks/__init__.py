@@ -4,7 +4,11 @@ from ._examine import Examination as Examination, is_idle as is_idle, stands_sti
 from ._feedback import find_feedback as find_feedback
 from ._left_out import find_absent as find_absent, find_masked as find_masked, find_merged as find_merged
 from ._lengths import find_short as find_short
-from ._pace import find_fast_sampling as find_fast_sampling, find_slow_sampling as find_slow_sampling
+from ._pace import (
+    find_fast_sampling as find_fast_sampling,
+    find_finer_sampling as find_finer_sampling,
+    find_slow_sampling as find_slow_sampling,
+)
 from ._survey import survey as survey
 from ._unread import find_unread_inputs as find_unread_inputs
 
@@ -13,6 +17,7 @@ __all__ = [
     "find_absent",
     "find_fast_sampling",
     "find_feedback",
+    "find_finer_sampling",
     "find_masked",
     "find_merged",
     "find_short",

@@ -15,6 +15,7 @@ _NEEDED: Final = 25
 _LARGE: Final = 20_000  # rows from which on training takes long
 _IDLE: Final = 0.01  # of the liveliest rate: below it are trembling and noise
 _FEWEST: Final = 2.0  # samples in a time scale: of a sine, twelve in a period
+_FINER: Final = 0.6  # Of the logs' step: of uneven ones many are as short.
 _ROUNDED: Final = 0.99  # What rows are apart that are as far apart as `resample` brings them.
 _CHANGE, _OFTEN = 0.25, 0.3  # of the rates' deviation, from row to row; share of the rows
 
@@ -83,6 +84,31 @@ def find_slow_sampling(
         "too small. If there are measured ones, name them as `velocities`."
     )
     return [Finding(kind="time", level="warning", channel="", text=text, advice=advice)]
+
+
+def find_finer_sampling(*, resample: float | None, logged: float) -> list[Finding]:
+    """Say that recordings are brought to more rows than there are in the logs.
+
+    Args:
+        resample: Step that recordings were brought to [s].
+        logged: The usual time between the rows of logs [s].
+
+    Returns:
+        One finding, or none.
+    """
+    if resample is None or resample >= _FINER * logged:
+        return []
+    return [
+        Finding(
+            kind="time",
+            level="warning",
+            channel="",
+            text=f"`resample = {resample:g}` makes {logged / resample:.2g} rows of each one of the logs, which are "
+            f"{logged:.2g} s apart",
+            advice="What is put between them are straight lines, whose kinks training takes for motion: leave "
+            "`resample` out, or take as long a step as theirs.",
+        )
+    ]
 
 
 def _step_and_time(dataset: Dataset, is_angle: np.ndarray) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from ._cells import known_numbers
 
 _WORDS: Final = (
     {"effort", "efforts", "torque", "torques", "tau", "force", "forces", "current", "currents"}
-    | {"voltage", "volt", "volts", "pwm", "duty", "command", "cmd", "input"}
+    | {"voltage", "volt", "volts", "pwm", "duty", "command", "cmd", "input", "u", "thrust", "throttle"}
 )  # fmt: skip
 _OTHERS: Final = (
     {"battery", "supply", "bus", "time", "temp", "temperature", "limit", "max", "min", "state", "id"}
