@@ -109,7 +109,10 @@ def test_what_friction_holds_is_told_with_its_number(tmp_path, capsys):
     assert main(words) == 0
     assert "friction holds 3 of 3 episodes beside the target" in (told := capsys.readouterr().out)
     assert "moving takes 2.189" in told
-    assert "energy-shaping+lqr leaves 3 of 3 episodes beside the target" in told
+    assert "episodes beside the target; " not in told  # Weight pulls down nothing that might be swung up.
+    assert main([*words, "--method", "energy-shaping"]) == 0
+    told = capsys.readouterr().out
+    assert "energy-shaping leaves 3 of 3 episodes beside the target; `--method energy-shaping+lqr` may not." in told
     assert main([*words, "--json"]) == 0
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["held_by_friction"] == 3
 
@@ -244,6 +247,7 @@ def test_an_input_of_which_the_data_tell_nothing_is_named_where_that_was_found_o
             "finite number for each of the 1 coordinates of T1, or - where one is free; got 1.0, 2.0",
         ),
         (["--target", "inf"], "one finite number"),
+        (["--target", "nan"], "must be finite numbers, or - where a coordinate is free; got nan"),
         (["--target", "-"], "at least one coordinate; all were left free"),
         (["--target", "180"], "got 180 rad, which is 28.6 turns. If degrees were meant, write 3.1416"),
         (["--env", "model"], "needs `--target`"),

@@ -153,6 +153,18 @@ def test_half_of_what_the_weight_leaves_must_overcome_friction(friction, limit, 
     assert choose_method(eccentric(friction), [0.0], limits=limit) == method
 
 
+def test_frictions_add_up_where_two_inputs_share_a_joint():
+    parts = KnownParts(
+        mass_matrix=[[1, 0], [0, 1]],
+        potential_energy="-2*cos(q1)",
+        input_matrix=[[1, 1], [0, 1]],
+        dissipation_matrix=[["0.5/sqrt(v1**2 + 1e-4)", 0], [0, "0.5/sqrt(v2**2 + 1e-4)"]],
+    )
+    plant = build(ModelConfig(), Space.parse("T2"), 2, known=parts, key=jax.random.key(0))
+    assert choose_method(plant, [np.pi, 0.0], limits=2.05) == "swing-up"
+    assert choose_method(plant, [np.pi, 0.0], limits=4.1) == "energy-shaping+lqr"
+
+
 def test_a_regulator_ends_what_friction_makes_energy_shaping_creep():
     plant, loop = eccentric(0.3), Loop(duration=6.0, period=0.01)
     q0 = np.linspace(-3, 3, 5)[:, None]

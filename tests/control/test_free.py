@@ -1,12 +1,23 @@
 """Targets that leave coordinates free: reaction wheels, arms and carts that need not come to rest anywhere."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.control import EnergyPump, Handover, Loop, Regulator, attraction, design, judge, run_episodes
+from symoden.control import (
+    CollocatedPump,
+    EnergyPump,
+    Handover,
+    Loop,
+    Regulator,
+    attraction,
+    choose_method,
+    design,
+    indifferent,
+    judge,
+    run_episodes,
+)
 from symoden.control._attraction import _ellipsoids
 from symoden.control._free import way_from
 from symoden.control._motion import velocity_field
@@ -16,7 +27,7 @@ from symoden.mechanics import AbstractPortHamiltonian, potential
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 
-from .conftest import ACROBOT, CART_POLE, PENDULUM
+from .conftest import ACROBOT, CART_POLE, FULL_CART_POLE, PENDULUM, rate_of
 
 UP = [np.pi, np.nan]
 
@@ -133,11 +144,11 @@ def test_nothing_is_asked_of_what_is_free():
             CART_POLE,
             [0.0, np.nan],
             None,
-            r"potential energy depends on coordinate 2",
+            r"depends on coordinate 2",
         ),
         (CART_POLE, [np.nan, np.nan], None, "at least one coordinate; all were left free"),
         (CART_POLE, [np.nan, 0.0], "ida-pbc", "'ida-pbc' needs a place for each coordinate"),
-        (ACROBOT, [np.nan, 0.0], "lqr", "potential energy depends on coordinate 1"),
+        (ACROBOT, [np.nan, 0.0], "lqr", "depends on coordinate 1"),
     ],
 )
 def test_what_cannot_be_left_free_is_refused(model, target, method, message):
@@ -149,10 +160,63 @@ def test_a_swing_up_that_would_have_to_be_planned_is_refused(monkeypatch):
     monkeypatch.setattr("symoden.control._design.is_direct", lambda *_: False)
     monkeypatch.setattr("symoden.control._design._rides", lambda *_: False)
     with pytest.raises(ValueError, match="motions are planned to whole configurations"):
-        design(WHEEL, UP, limits=0.12)
+        design(WHEEL, UP, method="swing-up", limits=0.12)
 
 
-def test_free_coordinates_survive_tracing(upright):
-    q, v = jnp.array([3.0, 7.0]), jnp.array([0.1, 2.0])
-    rate = eqx.filter_jit(lambda c: jax.jvp(c.desired_energy, (q, v), (v, v))[1])(upright)
-    assert np.isfinite(rate)
+def test_the_cost_to_go_falls_near_the_target_while_free_speeds_count_in_full(upright):
+    near, rng = upright.near, np.random.default_rng(0)
+    for _ in range(20):
+        e, v = 0.01 * rng.uniform(-1, 1, 2), rng.uniform(-1, 1, 2) * [0.03, 0.5 * float(near.fastest[1])]
+        rate, _ = rate_of(WHEEL, near, np.array([np.pi, 0.0]) + e, v)
+        assert rate < 0
+
+
+def test_two_wheels_together_get_no_more_than_the_share_of_the_limits():
+    parts = KnownParts(
+        mass_matrix=[[0.03, 0, 0], [0, 6e-4, 0], [0, 0, 9e-4]],
+        potential_energy="-0.9*cos(q1)",
+        input_matrix=[[-1, -1], [1, 0], [0, 1]],
+        dissipation_matrix=np.diag([1e-3, 2e-5, 3e-5]).tolist(),
+    )
+    plant = build(ModelConfig(), Space.parse("T3"), 2, known=parts, key=jax.random.key(0))
+    regulator = Regulator.of(plant, [np.pi, np.nan, np.nan], limits=0.12)
+    fast = jnp.array([0.0, 1e3, 1e3])
+    for signs in ([1.0, 1.0, 1.0], [1.0, 1.0, -1.0]):
+        u = -regulator.gain @ regulator.deviation(jnp.array([np.pi, 0.0, 0.0]), fast * jnp.array(signs))
+        assert np.abs(u).max() <= 0.3 * 0.12 + 1e-9
+
+
+def spring_cart(stiffness, effect="1"):
+    """A cart on a spring, or on a hill, with a pole."""
+    parts = KnownParts(
+        mass_matrix=[[1, "cos(q2)/4"], ["cos(q2)/4", "1/6"]],
+        potential_energy=f"{stiffness}*q1**2 + 2.45*cos(q2)",
+        input_matrix=[[effect], [0]],
+        dissipation_matrix=[[0.1, 0], [0, 0.05]],
+    )
+    plant = build(ModelConfig(), Space.parse("R1 T1"), 1, known=parts, key=jax.random.key(0))
+    assert isinstance(plant, AbstractPortHamiltonian)
+    return plant
+
+
+@pytest.mark.parametrize(("stiffness", "effect"), [(50, "1"), (-20, "1"), (0, "1 + q1/2")])
+def test_springs_and_inputs_that_differ_from_place_to_place_are_no_free_coordinate(stiffness, effect):
+    assert indifferent(spring_cart(0), jnp.zeros(2)).tolist() == [True, False]
+    assert indifferent(spring_cart(stiffness, effect), jnp.zeros(2)).tolist() == [False, False]
+    with pytest.raises(ValueError, match="depends on coordinate 1"):
+        design(spring_cart(stiffness, effect), [np.nan, 0.0], method="lqr", limits=15.0)
+
+
+def test_a_cart_that_is_free_is_pumped_by_moving_it():
+    controller = design(CART_POLE, [np.nan, 0.0], limits=15.0, period=0.01)
+    assert isinstance(controller, Handover)
+    assert isinstance(controller.far, CollocatedPump)
+    q0 = np.stack([np.linspace(-9, 9, 6), np.linspace(-3, 3, 6)], axis=1)
+    episodes = run_episodes(CART_POLE, controller, q0, 0 * q0, Loop(duration=15.0, period=0.01, step=0.01))
+    assert judge(episodes, CART_POLE.space, np.array([np.nan, 0.0])).success.all()
+
+
+def test_a_regulator_is_chosen_where_no_swing_up_leaves_anything_free():
+    assert choose_method(FULL_CART_POLE, [np.nan, 0.0], limits=15.0) == "lqr"
+    assert choose_method(CART_POLE, [np.nan, 0.0], limits=15.0) == "swing-up"
+    assert choose_method(WHEEL, UP, limits=0.12) == "swing-up"

@@ -56,5 +56,7 @@ def _check_machine(command: Control) -> None:
         raise ValueError(
             f"`--target` is for the learned model; {command.env} goes to where it is upright. Leave one of them out."
         )
+    if any(isinstance(place, float) and math.isnan(place) for place in command.target):
+        raise ValueError("`--target` must be finite numbers, or - where a coordinate is free; got nan.")
     if command.env == LEARNED and not command.target:
         raise ValueError("The learned model needs `--target`: where to go, a number for each coordinate [rad or m].")

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from symoden.blocks import without_silent
-from symoden.control import Loop, Method, Tolerance, input_limits, weightless
+from symoden.control import Loop, Method, Tolerance, has_height, indifferent, input_limits
 from symoden.experiments import (
     ControlConfig,
     ControlResult,
@@ -232,27 +232,20 @@ def _stuck_words(result: ControlResult) -> Iterator[str]:
 
 def _other_methods(result: ControlResult) -> Iterator[str]:
     """What may do better where not all episodes come to the target."""
-    missed, system = int((~result.verdict.success).sum()), result.machine.system
-    if not missed:
+    missed, system, target = int((~result.verdict.success).sum()), result.machine.system, result.machine.target
+    if not missed or not isinstance(system, AbstractPortHamiltonian):
         return
     left = f"{result.method} leaves {missed} of {len(result.verdict.success)} episodes beside the target; "
-    others = ("energy-shaping+lqr",) if result.method == "energy-shaping" else ()
-    others += ("swing-up",) if any(system.space.is_angle) else ()
-    if result.method in {"energy-shaping", "energy-shaping+lqr"} and others:
-        yield f"{left}{' or '.join(f'`--method {each}`' for each in others)} may not."
-    if result.machine.learned and result.method in {"swing-up", "lqr"} and system.inputs < system.space.size:
-        yield from _what_may_be_free(result, left)
-
-
-def _what_may_be_free(result: ControlResult, left: str) -> Iterator[str]:
-    """Which coordinates the target might leave free, where that was not tried."""
-    system, target = result.machine.system, result.machine.target
-    if not isinstance(system, AbstractPortHamiltonian) or np.isnan(target).any():
-        return
-    free = weightless(system, jnp.asarray(target))
-    if free.any() and not free.all():
-        places = " ".join("-" if may else number(place) for may, place in zip(free, target, strict=True))
-        yield f"{left}if what weight does not depend on need not come to rest anywhere, `--target {places}` may not."
+    if result.method in {"energy-shaping", "energy-shaping+lqr"}:
+        others = ("energy-shaping+lqr",) if result.method == "energy-shaping" else ()
+        others += ("swing-up",) if has_height(system, target, limits=result.limits) else ()
+        if others:
+            yield f"{left}{' or '.join(f'`--method {each}`' for each in others)} may not."
+    if result.machine.learned and result.method in {"swing-up", "lqr"} and not np.isnan(target).any():
+        free = indifferent(system, jnp.asarray(target))
+        if free.any() and not free.all():
+            places = " ".join("-" if may else number(place) for may, place in zip(free, target, strict=True))
+            yield f"{left}if what nothing depends on need not come to rest anywhere, `--target {places}` may not."
 
 
 def _as_json(result: ControlResult, settings: ControlConfig, outside: float, command: Control) -> dict[str, object]:

@@ -16,11 +16,12 @@ from ._design import (
     Tell as Tell,
     choose_method as choose_method,
     design as design,
+    has_height as has_height,
     lowest as lowest,
     silent as silent,
 )
 from ._follower import Follower as Follower
-from ._free import weightless as weightless
+from ._free import indifferent as indifferent
 from ._handover import Handover as Handover
 from ._ida_pbc import IdaPbc as IdaPbc, Matching as Matching
 from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
@@ -78,6 +79,8 @@ __all__ = [
     "desired_energies",
     "energy_rate",
     "find_stuck",
+    "has_height",
+    "indifferent",
     "input_limits",
     "judge",
     "linearize",
@@ -87,5 +90,4 @@ __all__ = [
     "run_episodes",
     "run_in_turn",
     "silent",
-    "weightless",
 ]

@@ -173,7 +173,7 @@ def _ellipsoids(
     x = np.zeros((_LEVELS, _DIRECTIONS, 2 * n))
     x[..., kept] = np.sqrt(levels)[:, None, None] * (_sphere(generator, s) @ np.linalg.cholesky(inverse).T)
     q0, v0 = np.split(x.reshape(-1, 2 * n), 2, axis=1)
-    # Beyond the largest speed that counts all cost the same.
+    # Free coordinates may be faster than what counts: those that are get faster still.
     v0 = np.where(np.abs(v0) > np.asarray(regulator.fastest), _FASTER * v0, v0)
     return levels, q0 + np.asarray(anchored(regulator.target)), v0
 

@@ -12,7 +12,7 @@ from symoden.wording import number
 
 from ._attraction import QUICK, attraction, by_stiffness, simulated_period
 from ._controller import as_array
-from ._free import anchored
+from ._free import anchored, told
 from ._judge import Tolerance
 from ._regulator import Regulator, linearize, remaining_motion
 
@@ -33,7 +33,7 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
     Returns:
         What must hold, what arrived, what to do.
     """
-    target = regulator.target.tolist()
+    target, said = regulator.target.tolist(), told(regulator.target)
 
     def holds(limits: tuple[float, ...], period: float | None) -> bool:
         try:
@@ -52,7 +52,7 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
         nearest = _nearest_equilibrium(model, goal)
         where = "." if nearest is None else f"; nearby that is {nearest.round(4).tolist()}."
         return (
-            f"The target {target} must be an equilibrium of the model, but no input holds it there: the regulator "
+            f"The target {said} must be an equilibrium of the model, but no input holds it there: the regulator "
             f"would come to rest {aside:.2g} rad or m away, by its linearisation. Choose a target where it rests{where}"
         )
     if period is not None and period > QUICK and holds(limits, QUICK):
@@ -74,7 +74,7 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
                 f"{factor} times as much and {QUICK:g} s it does. {_growth(A)}Allow more input and shorten the period."
             )
     return (
-        f"The regulator does not hold the model at the target {target}, and would not with {_MORE[-1]} times the "
+        f"The regulator does not hold the model at the target {said}, and would not with {_MORE[-1]} times the "
         "input: there the model is not what its linearisation says, as with sharp dry friction. Choose another "
         "target, or collect data about this one."
     )

@@ -16,7 +16,7 @@ from ._attraction import attraction, by_stiffness, follower_level, simulated_per
 from ._causes import why_not_held
 from ._controller import AbstractController, Limits, Target, as_array, input_limits
 from ._follower import Follower
-from ._free import anchored, check_free, free_of, weightless
+from ._free import anchored, check_free, free_of, told, weightless
 from ._handover import Handover
 from ._ida_pbc import IdaPbc
 from ._judge import Tolerance
@@ -153,6 +153,8 @@ def choose_method(model: AbstractDynamics, target: Target, *, limits: Limits = N
     free = free_of(goal)
     if model.inputs == model.space.size and not free.any() and _is_strong(model, goal, limits):
         return "energy-shaping+lqr"
+    if free.any() and not (is_direct(model, goal) or _rides(model, anchored(goal))):
+        return "lqr"  # Motions are planned to whole configurations.
     return "swing-up" if (model.space.is_angle & ~free).any() else "lqr"
 
 
@@ -162,7 +164,7 @@ def _is_strong(model: AbstractPortHamiltonian, target: Coordinates, limits: Limi
     # up, and no other method pushes harder.
     load = static_load(model, target)
     drag = slow_friction(model, target, as_array(Tolerance().velocity))
-    friction = np.abs(np.linalg.solve(np.asarray(model.input_matrix(target)), np.asarray(drag)))
+    friction = np.abs(np.linalg.pinv(np.asarray(model.input_matrix(target)))) @ np.asarray(drag)
     return bool(np.all(input_limits(limits, model.inputs) > load + np.where(load > friction, 2 * friction, 0.0)))
 
 
@@ -179,9 +181,13 @@ def _with_regulator(
     tell("simulating the model under its regulator")
     try:
         near, level = _regulator_and_level(model, target, limits=limits, period=period)
-    except ValueError:  # The limits, or the period, leave none.
+    except ValueError as error:  # The period leaves none, or rounding.
+        tell(f"energy shaping alone, as there is no regulator: {error}")
         return far
-    return Handover(far=far, near=near, level=as_array(level), limits=near.limits) if level else far
+    if level:
+        return Handover(far=far, near=near, level=as_array(level), limits=near.limits)
+    tell("energy shaping alone, as no regulator holds the model at the target")
+    return far
 
 
 def slow_swing(model: AbstractPortHamiltonian, target: Coordinates) -> Reference:
@@ -210,7 +216,11 @@ def _swing_up(
     if not np.isfinite(input_limits(limits, model.inputs)).all():
         raise ValueError("Swing-up needs limits of the inputs: what would be planned without them has no bound.")
     goal = anchored(target)
-    _check_height(model, goal, limits)
+    if not has_height(model, goal, limits=limits):
+        raise ValueError(
+            f"Swing-up needs angles that weight pulls down; along those of {model.space} the potential energy is flat. "
+            "Use energy-shaping, or lqr where an input is missing."
+        )
     tell("simulating the model under its regulator")
     near, level = _regulator_and_level(model, target, limits=limits, period=period)
     if level == 0:
@@ -229,7 +239,7 @@ def _swing_up(
             return pumped
     if free_of(target).any():
         raise ValueError(
-            f"No swing-up to {target.tolist()} was found on the model, and motions are planned to whole configurations "
+            f"No swing-up to {told(target)} was found on the model, and motions are planned to whole configurations "
             "alone. Give a place for each coordinate, or use lqr from near the target."
         )
     tell("planning a motion on the model")
@@ -251,15 +261,21 @@ def _regulator_and_level(
     return next((each for each in tried if each[1] > 0), (regulators[0], 0.0))
 
 
-def _check_height(model: AbstractPortHamiltonian, target: Coordinates, limits: Limits) -> None:
-    """Refuse a potential energy that is as good as flat along all angles: there is nothing to swing up."""
+def has_height(model: AbstractPortHamiltonian, target: Target, *, limits: Limits) -> bool:
+    """Whether weight pulls angles down, so that there is something to swing up.
+
+    Args:
+        model: System or model.
+        target: Configuration to go to; NaN along coordinates that are free.
+        limits: Largest magnitude of the inputs.
+
+    Returns:
+        Whether V along the angles ranges over more than a thousandth of what the inputs do along 1 rad.
+    """
+    goal = anchored(as_array(target))
     angles = np.array(model.space.is_angle)
-    torques = np.abs(np.asarray(model.input_matrix(target)))[angles] @ input_limits(limits, model.inputs)
-    if energy_range(model, target) <= _FLAT_WORK * torques.max(initial=0.0):
-        raise ValueError(
-            f"Swing-up needs angles that weight pulls down; along those of {model.space} the potential energy is flat. "
-            "Use energy-shaping, or lqr where an input is missing."
-        )
+    torques = np.abs(np.asarray(model.input_matrix(goal)))[angles] @ input_limits(limits, model.inputs)
+    return bool(energy_range(model, goal) > _FLAT_WORK * torques.max(initial=0.0))
 
 
 def _rides(model: AbstractPortHamiltonian, target: Coordinates) -> bool:

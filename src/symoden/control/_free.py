@@ -5,15 +5,17 @@ from typing import Final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Array, Bool, Float
 
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential
-from symoden.shapes import Coordinates
+from symoden.shapes import Coordinates, InputMatrix
 from symoden.spaces import Space
 
 from ._scales import configurations
 
 _FLAT: Final = 0.02
+_ALIKE: Final = 0.1
+_POINTS: Final = 128
 
 
 def free_of(target: Coordinates) -> Bool[np.ndarray, " n"]:
@@ -29,7 +31,7 @@ def free_of(target: Coordinates) -> Bool[np.ndarray, " n"]:
 
 
 def anchored(target: Coordinates) -> Coordinates:
-    """A configuration at the target: as nothing depends on what is free, that is zero.
+    """A configuration at the target, zero along what is free: nothing may depend on that (`check_free`).
 
     Args:
         target: Configuration, NaN along what is free.
@@ -55,39 +57,78 @@ def way_from(target: Coordinates, space: Space, q: Coordinates) -> Coordinates:
 
 
 def weightless(model: AbstractPortHamiltonian, target: Coordinates) -> Bool[np.ndarray, " n"]:
-    """Along which coordinates the potential energy hardly changes, such that a target may leave them free.
+    """Along which coordinates the potential energy hardly changes.
 
     Args:
         model: System or model.
-        target: Configuration, NaN along what is free.
+        target: Configuration, NaN along what is free; lengths are taken within 1 m of it.
 
     Returns:
         A flag for each: whether the largest slope along it is at most a fiftieth of the largest along any.
     """
-    slopes = jax.vmap(jax.grad(potential, argnums=1), (None, 0))(model, configurations(model, anchored(target)))
+    slopes = jax.vmap(jax.grad(potential, argnums=1), (None, 0))(model, _around(model, target))
     largest = np.abs(np.asarray(slopes)).max(axis=0)
     return largest <= _FLAT * largest.max()
 
 
-def check_free(model: AbstractDynamics, target: Coordinates) -> None:
-    """Refuse targets that leave free what weight depends on, or everything.
+def indifferent(model: AbstractPortHamiltonian, target: Coordinates) -> Bool[np.ndarray, " n"]:
+    """Along which coordinates neither weight nor what inputs do changes much, such that a target may leave them free.
 
     Args:
-        model: System or model; of one without energy weight is not known.
+        model: System or model.
+        target: Configuration, NaN along what is free; lengths are taken within 1 m of it.
+
+    Returns:
+        A flag for each: whether V hardly changes along it, and M⁻¹ g in 1 rad or m by less than a tenth of its largest.
+    """
+
+    def effect(q: Coordinates) -> InputMatrix:
+        return model.inverse_mass_matrix(q) @ model.input_matrix(q)
+
+    q = _around(model, target)
+    slopes = np.abs(np.asarray(jax.vmap(jax.jacfwd(effect))(q))).max(axis=(0, 1, 2), initial=0.0)
+    largest = np.abs(np.asarray(jax.vmap(effect)(q))).max(initial=0.0)
+    return weightless(model, target) & (slopes <= _ALIKE * largest)
+
+
+def _around(model: AbstractPortHamiltonian, target: Coordinates) -> Float[Array, "k n"]:
+    """Configurations with angles anywhere, and lengths within 1 m of the target."""
+    q = configurations(model, anchored(target), count=_POINTS)
+    lengths = np.random.default_rng(0).uniform(-1, 1, q.shape) * ~np.asarray(model.space.is_angle)
+    return q + jnp.asarray(lengths, q.dtype)
+
+
+def check_free(model: AbstractDynamics, target: Coordinates) -> None:
+    """Refuse targets that leave free what something depends on, or everything.
+
+    Args:
+        model: System or model; of one without energy nothing of this is known.
         target: Configuration, NaN along what is free.
 
     Raises:
-        ValueError: If the potential energy depends on a free coordinate, or no coordinate has a target.
+        ValueError: If V or M⁻¹ g depends on a free coordinate, or no coordinate has a target.
     """
     free = free_of(target)
     if free.all():
         raise ValueError("A target must name a place for at least one coordinate; all were left free.")
     if not free.any() or not isinstance(model, AbstractPortHamiltonian):
         return
-    held = np.flatnonzero(free & ~weightless(model, target))
+    held = np.flatnonzero(free & ~indifferent(model, target))
     if held.size:
         raise ValueError(
-            f"What a target leaves free must be what weight does not depend on; the model's potential energy depends "
-            f"on coordinate {held[0] + 1}. Give it a place; or, if nothing of the machine depends on it, name it by "
+            f"What a target leaves free must be what nothing depends on; the model's weight, or what its inputs do, "
+            f"depends on coordinate {held[0] + 1}. Give it a place; or, if nothing of the machine does, name it by "
             "`cyclic` under `[known]`, and train anew."
         )
+
+
+def told(target: Coordinates) -> str:
+    """A target in words.
+
+    Args:
+        target: Configuration, NaN along what is free.
+
+    Returns:
+        Its numbers in brackets, - for what is free.
+    """
+    return f"[{', '.join('-' if np.isnan(place) else str(place) for place in np.asarray(target).tolist())}]"

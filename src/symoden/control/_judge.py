@@ -56,7 +56,7 @@ def judge(
     Args:
         episodes: A batch of records.
         space: Configuration space; angles count the short way round.
-        target: Wanted configuration, or one for each sample; NaN along coordinates of which nothing is wanted.
+        target: Wanted configuration, NaN along coordinates of which nothing is wanted; or one for each sample.
         velocities: Wanted velocities at each sample; zero if absent.
         tolerance: What counts as being there.
 
@@ -65,7 +65,7 @@ def judge(
     """
     near = Tolerance() if tolerance is None else tolerance
     ts = np.asarray(episodes.ts)[0]
-    wanted = ~np.isnan(np.asarray(target))
+    wanted = ~np.isnan(np.asarray(target)) if np.ndim(target) == 1 else np.ones(space.size, bool)
     e = np.asarray(episodes.q) - np.where(wanted, target, 0.0)
     e = np.where(space.is_angle, np.mod(e + np.pi, 2 * np.pi) - np.pi, e)
     v = np.asarray(episodes.v) - (0.0 if velocities is None else velocities)

@@ -14,7 +14,7 @@ from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
-from ._free import anchored, free_of, way_from
+from ._free import anchored, free_of, told, way_from
 from ._judge import Tolerance
 from ._motion import jacobians, state_rates, velocity_field
 
@@ -76,9 +76,10 @@ class Regulator(AbstractController):
         an input at its limit; without limits, as an input that accelerates the system by ω² there. Stiffer, a smaller
         deviation does. `design` finds how stiff a system asks for.
 
-        The speed of a free coordinate weighs by what the inputs at their limits give it in 1/ω.
+        The speed of a free coordinate weighs by what the inputs at their limits give it in 1/ω, at least as 1 rad does.
 
-        Friction counts as it is at the speed that counts as rest (`Tolerance`). At rest dry friction seems to hold
+        Friction counts as it is at the speed that counts as rest (`Tolerance`), of free coordinates at the speed that
+        they are weighed by. At rest dry friction seems to hold
         everything, and what is optimal with it brakes too little where it moves.
 
         Args:
@@ -96,17 +97,18 @@ class Regulator(AbstractController):
         """
         goal = as_array(target)
         bounds = input_limits(limits, dynamics.inputs)
-        A, B, hold = linearize(dynamics, anchored(goal), speed=Tolerance().velocity)
+        n, free = dynamics.space.size, free_of(goal)
+        A, B, hold = linearize(dynamics, anchored(goal))
         if not np.all(np.abs(hold) < bounds):
             raise ValueError(
                 f"The limits must exceed what holding the target takes, {np.abs(hold).round(3).tolist()}; they are "
                 f"{bounds.round(3).tolist()}. Allow more input, or choose a target that takes less."
             )
-        n, free = dynamics.space.size, free_of(goal)
         omega = max(1.0, float(np.sqrt(np.abs(np.linalg.eigvals(A[n:, :n])).max())))
         units = np.where(np.isfinite(bounds), bounds, omega**2 / np.linalg.norm(B[n:], axis=0))
-        speeds = np.where(free, np.linalg.norm(B[n:] * units, axis=1) / omega, omega)
-        Q = np.diag(np.concatenate([np.where(free, 0.0, 1.0), np.maximum(speeds, omega) ** -2]))
+        speeds = np.maximum(np.where(free, np.linalg.norm(B[n:] * units, axis=1) / omega, omega), omega)
+        A, _, _ = linearize(dynamics, anchored(goal), speed=np.where(free, speeds, Tolerance().velocity))
+        Q = np.diag(np.concatenate([np.where(free, 0.0, 1.0), speeds**-2]))
         R = np.diag((stiffness * units) ** -2)
         kept = np.concatenate([~free, np.ones(n, bool)])
         within = np.ix_(kept, kept)
@@ -114,10 +116,10 @@ class Regulator(AbstractController):
         try:
             gain[:, kept], P[within] = _riccati(A[within], B[kept], Q[within], R, period)
         except (np.linalg.LinAlgError, ValueError) as error:
-            raise ValueError(f"The system cannot be stabilised at {goal.tolist()}: {error}.") from None
+            raise ValueError(f"The system cannot be stabilised at {told(goal)}: {error}.") from None
         if not _spans_ellipsoids(P[within]):
             raise ValueError(
-                f"The system can be stabilised at {goal.tolist()} from so near alone that rounding hides it. Raise the "
+                f"The system can be stabilised at {told(goal)} from so near alone that rounding hides it. Raise the "
                 "limits, or shorten the period."
             )
         with np.errstate(divide="ignore"):
@@ -125,7 +127,7 @@ class Regulator(AbstractController):
         return cls(
             configurations=dynamics.space,
             target=goal,
-            fastest=as_array(np.where(free, _UNHURRIED * counted, np.inf)),
+            fastest=as_array(np.where(free, _UNHURRIED / max(1, free.sum()) * counted, np.inf)),
             hold=as_array(hold),
             gain=as_array(gain),
             cost=as_array(P),
@@ -157,7 +159,7 @@ class Regulator(AbstractController):
         return jnp.concatenate([way_from(self.target, self.space, q), jnp.clip(v, -self.fastest, self.fastest)])
 
     def desired_energy(self, q: Coordinates, v: Velocities, t: Scalar | None = None) -> Scalar:
-        """Cost to go (e, v)ᵀ P (e, v), not in joules."""
+        """Cost to go (e, v)ᵀ P (e, v), not in joules; it may rise while free speeds are beyond those that count."""
         del t
         x = self.deviation(q, v)
         return x @ self.cost @ x
@@ -169,7 +171,7 @@ class Regulator(AbstractController):
 
 
 def linearize(
-    dynamics: AbstractDynamics, target: Coordinates, *, speed: float = 0.0
+    dynamics: AbstractDynamics, target: Coordinates, *, speed: float | Float[np.ndarray, " n"] = 0.0
 ) -> tuple[Float[np.ndarray, "s s"], Float[np.ndarray, "s m"], Float[np.ndarray, " m"]]:
     """Linearise about rest at a configuration, in (q, v).
 
@@ -177,8 +179,8 @@ def linearize(
         dynamics: System or model.
         target: Configuration; with `u*` it is an equilibrium as nearly as the inputs allow: of all inputs it leaves the
             least constraint aᵀ M a of the accelerations a, whatever the coordinates' units.
-        speed: Slopes with velocities are secants from less to more by so much; 0 for those at rest, where dry friction
-            is far steeper than at any speed that matters.
+        speed: Slopes with velocities are secants from less to more by so much, one number or one for each; 0 for those
+            at rest, where dry friction is far steeper than at any speed that matters.
 
     Returns:
         A, B and `u*`: d(e, v)/dt = A (e, v) + B (u − `u*`).
@@ -187,8 +189,8 @@ def linearize(
         Gauss (1829), *Über ein neues allgemeines Grundgesetz der Mechanik*: least constraint.
     """
     A, B, hold = _linearize(dynamics, target)
-    if speed:
-        slopes = _secants(dynamics, target, hold, jnp.asarray(speed, target.dtype))
+    if np.any(speed):
+        slopes = _secants(dynamics, target, hold, jnp.broadcast_to(jnp.asarray(speed, target.dtype), target.shape))
         A = A.at[dynamics.space.size :, dynamics.space.size :].set(slopes)
     return np.asarray(A, float), np.asarray(B, float), np.asarray(hold, float)
 
@@ -209,14 +211,14 @@ def _linearize(dynamics: AbstractDynamics, target: Coordinates) -> tuple:
 
 
 @eqx.filter_jit
-def _secants(dynamics: AbstractDynamics, target: Coordinates, hold: Inputs, speed: Scalar) -> Float[Array, "n n"]:
+def _secants(dynamics: AbstractDynamics, target: Coordinates, hold: Inputs, speed: Velocities) -> Float[Array, "n n"]:
     """How accelerations change with each velocity, from −speed to speed: of viscous friction its slope, of dry less."""
 
     def accelerations(v: Velocities) -> Velocities:
         return velocity_field(dynamics, target, v, hold)[1]
 
-    each = speed * jnp.eye(len(target), dtype=target.dtype)
-    return (jax.vmap(accelerations)(each) - jax.vmap(accelerations)(-each)).T / (2 * speed)
+    each = jnp.diag(speed)
+    return (jax.vmap(accelerations)(each) - jax.vmap(accelerations)(-each)).T / (2 * speed[None])
 
 
 def remaining_motion(dynamics: AbstractDynamics, target: Coordinates, hold: Inputs) -> Float[np.ndarray, " s"]:

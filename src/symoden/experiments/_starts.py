@@ -52,7 +52,8 @@ def starts_of(machine: Machine, method: Method) -> Starts:
         The boxes.
     """
     space, target = machine.system.space, np.nan_to_num(machine.target)
-    acrobot = space.size > machine.system.inputs and all(space.is_angle)
+    free = np.isnan(machine.target).any()  # As a reaction wheel's pendulum, which no acrobot is.
+    acrobot = space.size > machine.system.inputs and all(space.is_angle) and not free
     if method == "swing-up" and acrobot:
         hanging = np.asarray(lowest(machine.system, jnp.asarray(target)))
         return Starts(hanging, np.full(space.size, 0.2), np.full(space.size, 0.1))

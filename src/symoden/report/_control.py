@@ -53,7 +53,7 @@ def draw_control(result: ControlResult, *, positions: Sequence[str], inputs: Seq
     axes[-1].set_xlabel("time [s]", fontsize=LABEL)
     good = int(result.verdict.success.sum())
     figure.suptitle(
-        f"{result.method} on {result.tried_on}: {good} of {len(result.verdict.success)} reach the target; "
+        f"{result.method} on {result.tried_on}: {good} of {len(result.verdict.success)} reach the target\n"
         f"under continuous control the desired energy falls at {result.audit.share:.1%} of visited states",
         fontsize=LABEL,
         color=INK,
