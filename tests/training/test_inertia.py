@@ -48,3 +48,32 @@ def test_a_bead_on_a_rod_is_found_and_a_rod_alone_keeps_its_inertia(bead, driven
     for r in (-0.5, 0.1, 0.7):
         found = np.asarray(model.mass_matrix(jnp.array([r, 1.0])))
         assert found == pytest.approx(np.diag([MASS, inertia(bead, r)]), abs=0.02)
+
+
+def crank(eccentric):
+    """What turns on one axis, with a rod and a piston on it or without; weight pulls it down, and it is pushed."""
+
+    def accelerate(q, v, u):
+        slope = eccentric * 0.15 * np.sin(2 * q[0])
+        torque = u[0] - slope * v[0] ** 2 / 2 - VISCOUS * v[0] - np.sin(q[0])
+        return np.array([torque / turning(eccentric, q[0])])
+
+    return accelerate
+
+
+def turning(eccentric, q):
+    """Its inertia, the piston's by the square of how far it goes."""
+    return INERTIA_OF_ROD + 0.15 * eccentric * np.sin(q) ** 2
+
+
+@pytest.mark.parametrize("eccentric", [True, False])
+def test_a_crank_is_found_and_a_pendulum_keeps_its_inertia(eccentric, driven, second_order):
+    dataset = driven(
+        crank(eccentric), [0.3], space="T1", input_matrix=np.eye(1), amplitude=np.array([1.6]), noise=0.002
+    )
+    result = fit(dataset, model=MODEL, config=second_order)
+    model: Any = result.model
+    assert result.verdicts["inertia"].startswith("kept" if eccentric else "not kept")
+    assert freed(model) == (INERTIA if eccentric else 0)
+    for q in (-1.0, 0.1, 1.2):
+        assert float(model.mass_matrix(jnp.array([q]))[0, 0]) == pytest.approx(turning(eccentric, q), abs=0.02)

@@ -22,8 +22,9 @@ class BlockConfig:
             and stays frozen until validation data ask for it.
         harmonics: On a space with angles, start likewise from products of their first harmonics and of low powers of
             lengths, as rigid bodies on joints have them: of up to three factors, on more than three coordinates of as
-            many as leave a block below 2000 numbers. On lengths alone M⁻¹ starts from a constant, since what slides has
-            one, and any other block from a polynomial of degree 4, or of a lower one on many coordinates.
+            many as leave a block below 2000 numbers. On lengths alone, and on one angle alone, M⁻¹ starts from a
+            constant, since what slides or swings alone has one; the angle's harmonics are then a correction. On lengths
+            alone any other block starts from a polynomial of degree 4, or of a lower one on many coordinates.
     """
 
     hidden: tuple[int, ...] = ()

@@ -52,6 +52,7 @@ _BODIES = 3  # Rows of the Jacobian for each coordinate; with two, one start in 
 _SPREAD = 0.3  # Of the harmonics' first weights; with 0.1, one start in four did.
 _DEGREES = (4, 3, 2)  # Of the polynomial in lengths that V starts from: the first that leaves few enough weights.
 _BEYOND = 2.0  # Times the range of the data, up to where V is a polynomial: springs that harden are told there, too.
+_CRANK = 4  # Harmonics of 1/√M.
 _ORDER = 24  # Of the harmonics of single angles in V: twelve detents a turn, and what is half as wide.
 _MOST_WEIGHTS = 2000  # Of what a block starts from: a step of Levenberg-Marquardt costs the square of their number.
 
@@ -91,7 +92,8 @@ class Maker:
     def inverse_mass(self, key: PRNGKeyArray) -> AbstractBlock:
         """M⁻¹, near the identity in natural units at the start unless the data's units are used."""
         n = self.space.size
-        if self.config.inverse_mass.harmonics and self.turns:
+        turning = self.config.inverse_mass.harmonics and self.turns
+        if turning and n > 1:
             rows = _BODIES * n
             jacobian = self._function(
                 self.config.inverse_mass, rows * n, base=np.eye(rows, n).ravel(), powers=0, key=key
@@ -104,8 +106,13 @@ class Maker:
         config = self.config.inverse_mass
         if config.harmonics:
             config = replace(config, constant=True, harmonics=False)
+        function = self._function(config, n * (n + 1) // 2, base=base, key=key)
+        if turning:  # Of what turns alone the inertia is the same all round, but of a crank's.
+            harmonics = self._harmonics(1, powers=0, spread=0.0, key=jax.random.fold_in(key, 1))
+            for added in (FourierSeries.init(self.seen, 1, order=_CRANK), harmonics):
+                function = _asked_first(function, added, INERTIA)
         return CholeskyBlock(
-            function=self._reduced(self._function(config, n * (n + 1) // 2, base=base, key=key)),
+            function=self._reduced(function),
             scale=Known.of(np.sqrt(self.scales.velocity / self.scales.momentum)),
             floor=self.config.floor,
         )
