@@ -40,7 +40,7 @@ def line_up(
     candidates: Sequence[AbstractDynamics],
     config: TrainingConfig,
     *,
-    drawn: bool = True,
+    regress_first: bool = False,
 ) -> list[AbstractStage]:
     """Cut the recordings into windows, and line up the stages.
 
@@ -49,7 +49,7 @@ def line_up(
         dynamics: Untrained model.
         candidates: Untrained models like it, from whose weights Adam starts in turn; without any, it is left out.
         config: Settings.
-        drawn: Whether weights are drawn; else a regression comes first, as it does on many coordinates.
+        regress_first: Whether a regression comes first, as it does on many coordinates.
 
     Returns:
         The stages.
@@ -57,7 +57,7 @@ def line_up(
     free = count_parameters(dynamics, corrections=0) > 0  # Else every part is given, and some are corrected.
     stages: list[AbstractStage] = []
     weak = regression_data(dataset, dynamics, config) if free and can_regress(dynamics, config) else None
-    first = weak is not None and (dynamics.space.size >= _MANY or (not drawn and len(candidates) > 0))
+    first = weak is not None and (regress_first or dynamics.space.size >= _MANY)
     if weak is not None and first:
         stages.extend(_regression(dynamics, weak, config))
     elif weak is not None and not candidates:

@@ -84,8 +84,8 @@ def prepare(
     restarts = config.restarts if config.adam_steps else 0
     candidates = [fresh(number, awake=number > 0) for number in range(restarts)]  # First a V that is a polynomial.
     awake = (fresh(number, awake=True) for number in range(2))
-    drawn = not eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake))
-    if config.lm_steps and not drawn:  # From a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
+    undrawn = bool(eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake)))
+    if config.lm_steps and undrawn:  # From a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
         candidates = candidates[: 0 if _is_guessed(dataset) else 1]
     size = count_parameters(dynamics)
     if not size:
@@ -95,7 +95,7 @@ def prepare(
             f"Levenberg-Marquardt must have at most {MOST_SOLVED} numbers to learn, as its matrices hold the squares; "
             f"the model has {size}. Take smaller networks, or Adam alone: `lm_steps=0`."
         )
-    stages = line_up(dataset, dynamics, candidates, config, drawn=drawn)
+    stages = line_up(dataset, dynamics, candidates, config, regress_first=undrawn and not _is_guessed(dataset))
     weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
     state = TrainingState(
         stage=0,
