@@ -311,17 +311,18 @@ def _arrives(
 
 
 def lowest(model: AbstractPortHamiltonian, target: Coordinates) -> Coordinates:
-    """Configuration of the lowest potential energy, lengths being where the target has them.
+    """Configuration of the lowest potential energy; lengths and what that does not depend on are as in the target.
 
     Args:
         model: System or model.
-        target: Where lengths are.
+        target: Where these are.
 
     Returns:
         The configuration.
     """
     q = configurations(model, target)
     start = q[jnp.argmin(jax.vmap(lambda q: potential(model, q))(q))]
+    start = jnp.where(weightless(model, target), target, start)
     angles = np.asarray(model.space.angles)
 
     def height(free: Float[Array, " a"]) -> Scalar:
