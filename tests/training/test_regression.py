@@ -59,14 +59,14 @@ def test_one_and_two_coordinates_come_back_to_it_where_adam_found_no_basin(quick
     dataset, model = pendulum(), build(plain, Space.parse("T1"), 1, key=jax.random.key(0))
     stages = line_up(dataset, model, (model, model), quick)
     names = [stage.name for stage in stages]
-    again = ["regression", "regression: relevance", "regression: refit"]
-    assert names[:6] == ["adam 1 of 2", "adam 2 of 2", *again, "levenberg-marquardt"]
+    again = ["regression", "regression: inertia", "regression: relevance", "regression: refit"]
+    assert names[:7] == ["adam 1 of 2", "adam 2 of 2", *again, "levenberg-marquardt"]
     lost, found, saved = (
         begun_with(model, model)._replace(best_loss=x, origin=k) for x, k in ((0.2, 1), (0.05, 1), (0.05, 2))
     )
     applies = [[stage.applies(state) for stage in stages] for state in (lost, found, saved)]
-    assert [row[2:5] for row in applies] == [[True, False, False], [False, False, False], [False, True, True]]
-    assert all(all(row[5:]) for row in applies)
+    assert [row[2:6] for row in applies] == [[True, *[False] * 3], [False] * 4, [False, *[True] * 3]]
+    assert all(all(row[6:]) for row in applies)
     raw = line_up(dataset, model, (model, model), dataclasses.replace(quick, scaled_loss=False))
     assert [stage.name for stage in raw][:3] == ["adam 1 of 2", "adam 2 of 2", "levenberg-marquardt"]
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, NETWORKS, POTENTIAL, count_parameters
+from symoden.blocks import ACTUATION, CORRECTIONS, DIRECTIONS, FRICTION, INERTIA, NETWORKS, POTENTIAL, count_parameters
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
 from symoden.training import _data, _levenberg_stage, _verdicts
@@ -93,8 +93,10 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     every = line_up(pendulum(samples=400), model, [model], config)
     stages = [each for each in every if isinstance(each, LevenbergStage) and not each.regresses]
     both = FRICTION | DIRECTIONS
-    kinds = [0, ACTUATION, POTENTIAL, FRICTION, POTENTIAL | FRICTION, both, *[FRICTION] * 4, FRICTION | NETWORKS]
+    kinds = [0, INERTIA, ACTUATION, POTENTIAL, FRICTION, POTENTIAL | FRICTION, both]
+    kinds += [*[FRICTION] * 4, FRICTION | NETWORKS]
     names = [
+        "inertia",
         "actuation",
         "potential",
         "friction",
