@@ -30,6 +30,19 @@ def free_of(target: Coordinates) -> Bool[np.ndarray, " n"]:
     return np.isnan(np.asarray(target))
 
 
+def kept_states(target: Coordinates) -> Bool[np.ndarray, " s"]:
+    """Which of (e, v) a target asks something of: all but the places of free coordinates.
+
+    Args:
+        target: Configuration, NaN along those.
+
+    Returns:
+        A flag for each, places first.
+    """
+    free = free_of(target)
+    return np.concatenate([~free, np.ones_like(free)])
+
+
 def anchored(target: Coordinates) -> Coordinates:
     """A configuration at the target, zero along what is free: nothing may depend on that (`check_free`).
 

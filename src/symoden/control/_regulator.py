@@ -14,7 +14,7 @@ from symoden.shapes import Coordinates, Inputs, Scalar, Velocities
 from symoden.spaces import Space
 
 from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
-from ._free import anchored, free_of, told, way_from
+from ._free import anchored, free_of, kept_states, told, way_from
 from ._judge import Tolerance
 from ._motion import jacobians, state_rates, velocity_field
 
@@ -79,8 +79,8 @@ class Regulator(AbstractController):
         The speed of a free coordinate weighs by what the inputs at their limits give it in 1/ω, at least as 1 rad does.
 
         Friction counts as it is at the speed that counts as rest (`Tolerance`), of free coordinates at the speed that
-        they are weighed by. At rest dry friction seems to hold
-        everything, and what is optimal with it brakes too little where it moves.
+        they are weighed by. At rest dry friction seems to hold everything, and what is optimal with it brakes too
+        little where it moves.
 
         Args:
             dynamics: System or learned model, one without energy included.
@@ -110,7 +110,7 @@ class Regulator(AbstractController):
         A, _, _ = linearize(dynamics, anchored(goal), speed=np.where(free, speeds, Tolerance().velocity))
         Q = np.diag(np.concatenate([np.where(free, 0.0, 1.0), speeds**-2]))
         R = np.diag((stiffness * units) ** -2)
-        kept = np.concatenate([~free, np.ones(n, bool)])
+        kept = kept_states(goal)
         within = np.ix_(kept, kept)
         gain, P = np.zeros((len(bounds), 2 * n)), np.zeros((2 * n, 2 * n))
         try:
@@ -144,7 +144,7 @@ class Regulator(AbstractController):
     @property
     def kept(self) -> Bool[np.ndarray, " s"]:
         """Which of (e, v) count: all but the places of free coordinates."""
-        return np.concatenate([~free_of(self.target), np.ones(self.space.size, bool)])
+        return kept_states(self.target)
 
     def deviation(self, q: Coordinates, v: Velocities) -> Float[Array, " s"]:
         """Way from the target, then the velocities; of free coordinates nothing, and at most `fastest`.

@@ -85,8 +85,9 @@ def prepare(
     candidates = [fresh(number, awake=number > 0) for number in range(restarts)]  # First a V that is a polynomial.
     awake = (fresh(number, awake=True) for number in range(2))
     undrawn = bool(eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake)))
+    guessed = _is_guessed(dataset)
     if config.lm_steps and undrawn:  # From a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
-        candidates = candidates[: 0 if _is_guessed(dataset) else 1]
+        candidates = candidates[: 0 if guessed else 1]
     size = count_parameters(dynamics)
     if not size:
         raise ValueError("Training must have something to learn; every part is given. Leave a number or a part open.")
@@ -95,7 +96,7 @@ def prepare(
             f"Levenberg-Marquardt must have at most {MOST_SOLVED} numbers to learn, as its matrices hold the squares; "
             f"the model has {size}. Take smaller networks, or Adam alone: `lm_steps=0`."
         )
-    stages = line_up(dataset, dynamics, candidates, config, regress_first=undrawn and not _is_guessed(dataset))
+    stages = line_up(dataset, dynamics, candidates, config, regress_first=undrawn and not guessed)
     weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
     state = TrainingState(
         stage=0,
