@@ -148,3 +148,17 @@ def test_an_encoder_that_rests_and_is_then_moved_is_not(tmp_path, noise, seed):
     for way in (slips, np.where(np.arange(600) < 60, rows[60, 1], rows[:, 1])):
         rows[:, 1] = 1e-4 * np.round((way + rng.normal(0, noise, 600)) / 1e-4)
         assert [one for one in found(written(tmp_path, rows, rates="")) if one.kind == "stuck"] == []
+
+
+def test_a_position_that_stands_still_all_along_takes_its_file_out(tmp_path):
+    for name, rows in (("a", turning()), ("b", turning(seed=1))):
+        if name == "b":
+            rows[:, 1] = rows[0, 1]
+        np.savetxt(tmp_path / f"{name}.csv", rows, delimiter=",", header="t,q,v,u", comments="", fmt="%.17g")
+    path = tmp_path / "arm.toml"
+    path.write_text(TEXT.format(rates='velocities = ["v"]\n').replace('["a.csv"]', '["a.csv", "b.csv"]'))
+    moves, frozen = (check.findings for check in check_dataset(path).recordings)
+    assert not [one for one in moves if one.kind == "stuck"]
+    (one,) = [one for one in frozen if one.kind == "stuck"]
+    assert "`q` does not change in any row while the machine moves" in one.text
+    assert one.advice.startswith("Take this file out of `files`")

@@ -200,15 +200,21 @@ def _finding(facts: Facts, name: str, stuck: list[tuple[int, int]]) -> list[Find
     if not stuck:
         return []
     spans = tuple(sorted({(float(facts.ts[start]), float(facts.ts[end])) for start, end in stuck}))
+    all_along = spans[0] == (float(facts.ts[0]), float(facts.ts[-1]))
+    leave_out = (
+        "Take this file out of `files`, or name a column that moves."
+        if all_along
+        else "Leave the cells of this column empty there: such rows are left out and the recording is split. "
+        "(Intervals of `rows`, by the name of the file, do it too.)"
+    )
     return [
         Finding(
             kind="stuck",
             level="warning",
             channel=name,
-            text=f"`{name}` does not change at all {_when(spans)} while the machine moves: a stuck sensor?",
-            advice="Leave the cells of this column empty there: such rows are left out and the recording is split. "
-            "(Intervals of `rows`, by the name of the file, do it too.) If the joint is held by friction, nothing need "
-            "be done.",
+            text=f"`{name}` does not change {'in any row' if all_along else f'at all {_when(spans)}'} while the machine moves: "
+            "a stuck sensor?",
+            advice=f"{leave_out} If the joint is held by friction, nothing need be done.",
             spans=spans,
         )
     ]
