@@ -212,8 +212,8 @@ def _finding(facts: Facts, name: str, stuck: list[tuple[int, int]]) -> list[Find
             kind="stuck",
             level="warning",
             channel=name,
-            text=f"`{name}` does not change {'in any row' if all_along else f'at all {_when(spans)}'} while the machine moves: "
-            "a stuck sensor?",
+            text=f"`{name}` does not change {'in any row' if all_along else f'at all {_when(spans)}'} while the "
+            "machine moves: a stuck sensor?",
             advice=f"{leave_out} If the joint is held by friction, nothing need be done.",
             spans=spans,
         )
