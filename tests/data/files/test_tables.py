@@ -285,6 +285,8 @@ BAD = [
     ("a,b\n1,2\n1,2,3", r"a cell for each of the 2 columns; got 3 in line 3 \(row 1\): '1,2,3'"),
     ("a,b\n0,5,1,5\n", r"got 4 in line 2 \(row 0\): '0,5,1,5'\. Where commas are decimal marks, semicolons or"),
     ("a;b\n1;2\n1;2;;3;", r"got 5 in line 3 \(row 1\): '1;2;;3;'\.$"),
+    ("a,b\n0,0.5,1,1.5\n1,0.5,2,1.5\n", r"got 4 in line 2 .*\. Names seem to be missing: write one for each of the 4"),
+    ("a,b\n0,0.5,1.5\n1,0.5\n", r"got 3 in line 2 \(row 0\): '0,0.5,1.5'\. Where commas are"),
     ('a,b\n1,"2\n1,2', "must be a table of text; reading stopped at"),
     ("a,b,a\n1,2,3", "column `a` must be there once; got it twice"),
     ("", "is empty"),

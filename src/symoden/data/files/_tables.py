@@ -30,6 +30,7 @@ _BEGINNING: Final = 20_000  # Characters in which a matrix begins.
 _FEW_CUT: Final = 0.05  # Share of a column's cells after which lines end too early.
 _SHORT: Final = 10  # Rows; of more a single one may be cut.
 _BY_CHANCE: Final = 3  # Cut lines that may all end in the same column.
+_FIRST: Final = 3  # Lines that tell whether columns lack names.
 _BROKEN_GZIP = (EOFError, gzip.BadGzipFile, zlib.error)
 
 
@@ -96,16 +97,23 @@ def _without_surplus(path: Path, body: str, layout: Layout, separator: str) -> s
         if any(cells[named:]):
             raise DataError(
                 f"`{path}`: every line must have a cell for each of the {named} columns; got {len(cells)} in line "
-                f"{layout.line + row} (row {row}): {line.strip()[:_QUOTED]!r}."
-                + (
-                    " Where commas are decimal marks, semicolons or tabs must separate cells."
-                    if separator == ","
-                    else ""
-                )
+                f"{layout.line + row} (row {row}): {line.strip()[:_QUOTED]!r}.{_why_surplus(body, layout, len(cells))}"
             )
         return functools.reduce(lambda text, _: text.rstrip(" \r").removesuffix(separator), cells[named:], line)
 
     return "\n".join(itertools.starmap(trimmed, enumerate(body.split("\n"))))
+
+
+def _why_surplus(body: str, layout: Layout, count: int) -> str:
+    """Why a line may have so many cells, and what to do: if names are missing, each of the first lines has as many."""
+    first = [line for line in itertools.islice(body.split("\n"), _FIRST) if line.strip()]
+    comma = layout.separator == ","
+    if all(layout.count(line) == count for line in first) and not (comma and not any("." in line for line in first)):
+        return (
+            f" Names seem to be missing: write one for each of the {count} columns into the line of names, or delete "
+            f"that line; then columns are called 1 to {count}."
+        )
+    return " Where commas are decimal marks, semicolons or tabs must separate cells." if comma else ""
 
 
 def _without_cut_cells(frame: pl.DataFrame, body: str, layout: Layout) -> pl.DataFrame:
