@@ -4,6 +4,7 @@ import dataclasses
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from hypothesis import given, strategies as st
 
 from symoden.data import Dataset, Trajectory
 from symoden.known import KnownParts
-from symoden.models import BlockConfig, ModelConfig
+from symoden.models import BlockConfig, ModelConfig, build
+from symoden.spaces import Space
 from symoden.training import TrainingConfig, fit
 from symoden.training._data import hold_out, levenberg_data, longer_data
 from symoden.training._flatten import Flattening
@@ -140,7 +142,7 @@ def test_what_left_out_windows_taught_is_forgotten(prepared):
     assert np.ptp(numbers, axis=0) == pytest.approx(0, abs=1e-3 * np.abs(numbers[0]).max())
 
 
-def test_it_is_for_given_energies_and_few_windows_of_validation(resting, prepared):
+def test_it_is_for_given_energies_or_one_coordinate_and_few_windows_of_validation(resting, prepared):
     held, model, stages = prepared
     data = levenberg_data(held, model, CONFIG)
     assert data.in_turn
@@ -151,7 +153,9 @@ def test_it_is_for_given_energies_and_few_windows_of_validation(resting, prepare
     assert [stage.data.in_turn for stage in growth] == [False]
     assert {stage.margin for stage in stages if stage.name.startswith("longer windows")} == {-CHANCE}
     free = dataclasses.replace(resting, known=None)
-    assert not levenberg_data(held, prepare(free, MODEL, CONFIG)[1].model, CONFIG).in_turn
+    assert levenberg_data(held, prepare(free, MODEL, CONFIG)[1].model, CONFIG).in_turn
+    two = build(MODEL, Space.parse("T2"), 2, key=jax.random.key(0))
+    assert not data._replace(in_turn=False).left_out_in_turn(two, few=100).in_turn
     assert not levenberg_data(dataclasses.replace(held, validation=()), model, CONFIG).in_turn
 
 

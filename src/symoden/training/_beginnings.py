@@ -3,13 +3,22 @@
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import ClassVar, Final, Literal, TypeGuard, final
 
-from symoden.blocks import DIRECTIONS, FRICTION, silenced
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from symoden.blocks import DIRECTIONS, FRICTION, Harmonics, Polynomial, silenced
 from symoden.mechanics import AbstractDynamics
+from symoden.models import StructuredModel
 
 from ._flatten import freed
+from ._relevance import CLOSED, Relevance
 from ._state import Incumbent, TrainingState
+
+_GONE: Final = 1e-6  # Weights that are closed; others are of the order of 1.
 
 
 class AbstractBeginning(abc.ABC):
@@ -20,11 +29,13 @@ class AbstractBeginning(abc.ABC):
         leaner: Whether it has fewer numbers than the best model: it must fit the training windows better, too.
         rivalled: Whether the best model becomes it by the recordings of the stage alone: it must predict what judges
             it, or the stage is left out; where time runs out nothing of it is delivered.
+        closes: Whether something of the best model is closed, in later stages too.
     """
 
     untrained: ClassVar[bool] = False
     leaner: ClassVar[bool] = False
     rivalled: ClassVar[bool] = False
+    closes: ClassVar[bool] = False
 
     @abc.abstractmethod
     def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
@@ -49,6 +60,17 @@ class AbstractBeginning(abc.ABC):
         """
         del state
         return True
+
+    def priors(self, before: Relevance) -> Relevance:
+        """The priors of the stage.
+
+        Args:
+            before: Those that it would have else.
+
+        Returns:
+            The priors.
+        """
+        return before
 
     def incumbent(self, state: TrainingState) -> Incumbent:
         """What the stage has to improve on.
@@ -138,6 +160,61 @@ class Without(AbstractBeginning):
     def applies(self, state: TrainingState) -> bool:
         """Whether one of them is free."""
         return bool(self.kinds & freed(state.best))
+
+
+@final
+@dataclass(frozen=True)
+class Uniform(AbstractBeginning):
+    """The best model so far, but M or V the same everywhere: what depends on the configuration is closed.
+
+    Attributes:
+        part: Which of both.
+    """
+
+    part: Literal["inverse_mass", "potential"]
+    closes: ClassVar[bool] = True
+
+    def has(self, model: AbstractDynamics) -> bool:
+        """Whether there is such a part.
+
+        Args:
+            model: Any model.
+
+        Returns:
+            Whether it has weights of that kind.
+        """
+        return bool(self._weights(model))
+
+    def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
+        """The model with a part that is constant."""
+        del loss
+        return self._filled(state.best, 0.0)
+
+    def applies(self, state: TrainingState) -> bool:
+        """Whether it is not closed yet."""
+        return any(np.any(np.abs(np.asarray(each)[1:]) > _GONE) for each in self._weights(state.best))
+
+    def priors(self, before: Relevance) -> Relevance:
+        """The same, but what is closed stays so."""
+        return before._replace(precision=self._filled(before.precision, CLOSED))
+
+    def _filled(self, model: PyTree, value: float) -> PyTree:
+        """The model, or what has its structure, with one number in place of all weights but those of constants."""
+        if not self._weights(model):
+            return model
+        return eqx.tree_at(self._weights, model, replace_fn=lambda weights: weights.at[1:].set(value))
+
+    def _weights(self, model: PyTree) -> list:
+        """Weights of the part, a row for each product or monomial, that of the constant first."""
+        if not isinstance(model, StructuredModel):
+            return []
+        parts = jax.tree.leaves(getattr(model, self.part), is_leaf=_is_made_of_products)
+        return [part.weights for part in parts if _is_made_of_products(part)]
+
+
+def _is_made_of_products(part: object) -> TypeGuard[Harmonics | Polynomial]:
+    """Whether a part of a block is what it starts from; corrections are asked for apart."""
+    return isinstance(part, Polynomial) or (isinstance(part, Harmonics) and not part.sliding)
 
 
 @final

@@ -49,7 +49,7 @@ LONGER: Final = (2, 4)
 """Times as long as Levenberg-Marquardt's windows, the longer ones are."""
 HARDLY_ANY: Final = 4
 """Windows of validation whose verdict is hardly one."""
-_FEW = 12  # Of them; where M and V are given, windows left out in turn tell more.
+_FEW = 12  # Of them; where few numbers are learned, windows left out in turn tell more.
 _BUMPS = WindowLength(1.0, 8)  # Of fewer steps the trapezoidal rule errs too much.
 _FEWEST = 20  # Of them, or they stay as they are.
 _MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
@@ -91,12 +91,12 @@ class Data(NamedTuple):
         return self.validation is not None and self.validation.ts.shape[0] <= HARDLY_ANY
 
     def left_out_in_turn(self, dynamics: AbstractDynamics, few: int) -> "Data":
-        """The same, judged by windows left out in turn where M and V are given and few windows validate.
+        """The same, judged by windows left out in turn where few numbers are learned and few windows validate.
 
         Ends of recordings mostly rest. Four windows of them refused all that 25 numbers of a robot description learned,
         and these took the loss in training from 0.05 to 0.004. Seven kept masses that were a hundred times too small,
-        for a training loss of 18000, where four steps later it was 1 (`benchmarks/`). More numbers than these would
-        keep what windows have taught them that are left out.
+        for a training loss of 18000, where four steps later it was 1 (`benchmarks/`). More numbers than where M and V
+        are given, or one coordinate moves alone, would keep what windows have taught them that are left out.
 
         Args:
             dynamics: Untrained model.
@@ -107,7 +107,8 @@ class Data(NamedTuple):
         """
         if self.validation is None or self.train.ts.shape[0] < _FEWEST_IN_TURN:
             return self
-        return self._replace(in_turn=self.validation.ts.shape[0] <= few and energies_are_given(dynamics))
+        few_numbers = dynamics.space.size == 1 or energies_are_given(dynamics)
+        return self._replace(in_turn=few_numbers and self.validation.ts.shape[0] <= few)
 
     def validation_loss(self, model: AbstractDynamics, objective: AbstractObjective) -> float | None:
         """Loss on the validation windows, if there are any."""

@@ -120,6 +120,7 @@ class LevenbergStage(AbstractStage):
         if self.learns:  # Beside the residuals of these windows.
             kept = self._free(best, state.best) if self.begins.untrained else freed(best)
             priors = priors.forgotten().narrowed(best, kept, self.corrections)
+        priors = self.begins.priors(priors)
         held = self.begins.incumbent(state)
         before, rival = cast(held.model, dtype), cast(held.rival, dtype)
         return state._replace(
@@ -314,7 +315,7 @@ class LevenbergStage(AbstractStage):
     @property
     def _refits(self) -> bool:
         """Whether windows left out in turn judge: without anything new, both would be fitted to the same end."""
-        return self.data.in_turn and (self.frees or self.learns)
+        return self.data.in_turn and (self.frees or self.learns or self.begins.closes)
 
     def _judged(self, state: TrainingState, is_over: Clock) -> Verdict | None:
         """The verdict on what came of the stage, if it has to gain something, and there is something to judge by."""
@@ -334,7 +335,7 @@ class LevenbergStage(AbstractStage):
             ours, theirs = (evaluate_loss(each, objective, self.data.train) for each in (best, before))
             verdict = verdict._replace(fitted=(ours, theirs))
         freed_too = self.learns and FRICTION & freed(best) & ~freed(state.incumbent.model)
-        return verdict._replace(frees_friction=bool(freed_too))
+        return verdict._replace(frees_friction=bool(freed_too), closes=self.begins.closes)
 
     def _contender(
         self, state: TrainingState, model: AbstractDynamics, corrections: int, priors: Relevance

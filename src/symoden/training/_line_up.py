@@ -11,7 +11,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel, energies_are_given
 
 from ._adam_stage import AdamStage
-from ._beginnings import Best, Joined, Refitted, Untrained, Without
+from ._beginnings import Best, Joined, Refitted, Uniform, Untrained, Without
 from ._config import TrainingConfig
 from ._data import (
     LONGER,
@@ -195,6 +195,10 @@ def _asked(
 ) -> list[LevenbergStage]:
     """Corrections that are asked for one by one: of inertia, inputs and V; friction's laws, and directions.
 
+    Before them it is asked whether there is any V at all, as of a motor there is none, and whether M is the same
+    everywhere, as of a pendulum with a wheel: V takes up what friction does on the recordings that there are, M what
+    inputs do, and other recordings are predicted ten times worse (`benchmarks/`).
+
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
     where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
@@ -231,8 +235,19 @@ def _asked(
     bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
     of = "regression: " if regression else ""
     further = functools.partial(LevenbergStage, data, config, steps=config.growth_steps, frees=True, margin=CLEAR)
-    instead = rubs and bends and data.validation is not None  # Without, it would be kept whatever it is.
+    judged_by = data.validation is not None  # Without, whatever is no gain in training would be kept.
+    instead = rubs and bends and judged_by
+    closing = functools.partial(LevenbergStage, data, config, steps=config.growth_steps, margin=_leaner(data))
+    plain = [
+        (judged_by and config.growth_steps > 0, closing(of + name, begins=begins, unless=unless))
+        for name, begins, unless in (
+            ("no potential", Uniform("potential"), POTENTIAL),
+            ("constant inertia", Uniform("inverse_mass"), INERTIA),
+        )
+        if begins.has(dynamics)
+    ]
     asked = (
+        *plain,
         (has(INERTIA) and fits(judged | DIRECTIONS | INERTIA), further(of + "inertia", corrections=INERTIA)),
         (turns, further(of + "actuation", corrections=ACTUATION)),
         (bends, further(of + "potential", corrections=POTENTIAL)),
@@ -245,6 +260,11 @@ def _asked(
         (rubs and has(DIRECTIONS) and not answered, further(of + "directions", corrections=FRICTION | DIRECTIONS)),
     )
     return [stage for sensible, stage in asked if sensible]
+
+
+def _leaner(data: Data) -> float:
+    """By how many standard errors a model of fewer numbers must be better: few windows must say that it is."""
+    return 0.0 if data.hardly_validated and not data.in_turn else -CHANCE
 
 
 def _laws(dynamics: AbstractDynamics, config: TrainingConfig) -> int:

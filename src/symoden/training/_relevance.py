@@ -18,6 +18,8 @@ from symoden.models import StructuredModel, parts_that_fix_the_scale
 from ._gauss_newton import NormalEquations
 from ._level import LEAST_WINDOWS, independent_variance, is_sound
 
+CLOSED: Final = 1e12
+"""Precision of what stays zero; no prior is learned for it."""
 _INNER: Final = 20
 _SETTLED: Final = 0.1  # Change of the evidence's logarithm that is none.
 _SILENT: Final = 1e-8  # Share of a group that the data determine, below which it is rounding.
@@ -118,7 +120,8 @@ class Relevance(NamedTuple):
         vary more than independent residuals would make them, the design effect. It stays
         what it is at first: falling with the residuals it would widen the priors before they have been narrowed.
 
-        Parameters of formulas keep the priors that they have: about zero is about the guess that a user gave.
+        Parameters of formulas keep the priors that they have: about zero is about the guess that a user gave. So does
+        what is closed.
 
         Args:
             equations: Gauss-Newton's equations at θ.
@@ -150,12 +153,13 @@ class Relevance(NamedTuple):
         given = [jax.tree_util.keystr(path).startswith(".parameters") for path, _ in paths]
         groups = parameter_groups(shapes)
         sizes = np.bincount(groups)
-        held = np.concatenate([np.full(shape[:1] or 1, fixed) for shape, fixed in zip(shapes, given, strict=True)])
         variance = float(self.variance) or independent_variance(equations)
         count = equations.residuals.size / variance
         squares, gradient = equations.matrix * count, equations.gradient * count
         pull = squares @ theta - gradient
         before = np.bincount(groups, self.precisions(model, corrections)) / sizes
+        held = np.concatenate([np.full(shape[:1] or 1, fixed) for shape, fixed in zip(shapes, given, strict=True)])
+        held |= before > _PRECISIONS[1]
         low, high = (np.clip(before * factor, *_PRECISIONS) for factor in (1 / _LARGEST_CHANGE, _LARGEST_CHANGE))
         # θ̂ is a linear forecast. Priors that outran θ itself would drag it along, whatever the data say.
         with np.errstate(divide="ignore", over="ignore"):

@@ -52,6 +52,7 @@ class Verdict(NamedTuple):
         moved: Whether a step was better than what it had to improve on; else the loss is that of the last one.
         fitted: Training losses of both where the first must be lower, too.
         frees_friction: Whether it has set friction's laws free by the way.
+        closes: Whether it has closed something: more data could not tell that there is more to the mechanism.
         cut_short: Whether time ran out before it ended.
     """
 
@@ -64,6 +65,7 @@ class Verdict(NamedTuple):
     moved: bool = True
     fitted: tuple[float, float] | None = None
     frees_friction: bool = False
+    closes: bool = False
     cut_short: bool = False
 
     @property
@@ -75,7 +77,7 @@ class Verdict(NamedTuple):
     @property
     def hardly(self) -> bool:
         """Whether it is refused by so few windows that this is hardly a verdict."""
-        return not self.kept and self._by_few and math.isfinite(self.gained)
+        return not self.kept and not self.closes and self._by_few and math.isfinite(self.gained)
 
     @property
     def _by_few(self) -> bool:
