@@ -132,6 +132,23 @@ def split_unit(name: str) -> tuple[str, str]:
     return found["name"], unit
 
 
+def unit_said(name: str, below: Mapping[str, str]) -> str:
+    """The unit that a column's name says, or else a line under the names.
+
+    Args:
+        name: Name of the column.
+        below: What such a line says of columns, as it is written.
+
+    Returns:
+        The unit as `factor_of` takes it; nothing where neither says one.
+
+    Example:
+        >>> unit_said("pos [mm]", {}), unit_said("theta", {"theta": "[deg]"}), unit_said("u", {"u": "-"})
+        ('mm', 'deg', '')
+    """
+    return split_unit(name)[1] or unit_of(below.get(name, ""))
+
+
 def units_of(si: Iterable[str]) -> list[str]:
     """Units that are brought to one of some SI units, or rad.
 
