@@ -11,6 +11,7 @@ import numpy as np
 
 from symoden.data._errors import DataError, listing, nearest
 from symoden.data.files import Rows, Selector, names_in, variable_of
+from symoden.wording import quoted
 
 T = TypeVar("T")
 
@@ -203,8 +204,12 @@ def key(name: str) -> str:
 
     Returns:
         It, in quotes where TOML wants them.
+
+    Example:
+        >>> key("q1"), key("pos [mm]")
+        ('q1', '"pos [mm]"')
     """
-    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else f'"{name}"'
+    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else quoted(name)
 
 
 def is_named(column: str, selectors: Mapping[str, Selector]) -> bool:
