@@ -1,5 +1,6 @@
 """Words that messages share."""
 
+import json
 import math
 from collections.abc import Iterable
 from typing import Final
@@ -26,6 +27,24 @@ def first_few(names: Iterable[str], most: int) -> str:
     """
     every = list(names)
     return ", ".join(every[:most] + ["…"] * (len(every) > most))
+
+
+def quoted(text: str) -> str:
+    r"""A text as TOML has it, to be pasted: in single quotes where double ones would take a backslash for an escape.
+
+    Args:
+        text: The text.
+
+    Returns:
+        It, in quotes; where single quotes cannot hold it, with escapes in double ones.
+
+    Example:
+        >>> print(quoted("pos [mm]"), quoted(r"$\theta$"))
+        "pos [mm]" '$\theta$'
+    """
+    if ("\\" in text or '"' in text) and "'" not in text and text.isprintable():
+        return f"'{text}'"
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def stamp(seconds: float) -> str:

@@ -197,7 +197,11 @@ def test_predict_warns_where_the_model_extrapolates(arm_run, described, tmp_path
     assert answer(capsys, *words)["outside"] == {"train:a": 0.0, "test:b": (len(rows) - 60) / len(rows)}
     assert main([*words]) == 0
     printed = capsys.readouterr().err
-    assert "warning: `test:b` lies outside of what training saw for" in printed
+    assert re.search(
+        r"warning: `test:b` lies outside of what training saw for \d+% of its samples, recorded or predicted: "
+        r"farthest the velocity of `q`, recorded from -?[\d.]+ to 4[\d.]+, in training from -\S+ to \S+\. There",
+        printed,
+    )
     assert "`train:a`" not in printed
 
 

@@ -1,6 +1,7 @@
 """Where training data lie: angles modulo turns, cyclic coordinates anywhere."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -20,6 +21,12 @@ def swing(name="swing", *, samples=30, size=1):
 
 def outside(ranges, recording, space):
     return ranges.outside(recording.q, recording.rates, recording.us, space)
+
+
+def farthest_of(ranges, *arrays, space):
+    found = ranges.farthest(*arrays, space)
+    assert found is not None
+    return found
 
 
 @given(turns=st.integers(-5, 5), size=st.integers(1, 3))
@@ -75,7 +82,7 @@ def test_a_sample_that_training_never_saw_is_outside(column):
     assert np.flatnonzero(away).tolist() == [7]
     values[9] = np.nan  # A rollout that diverged.
     arrays = {name: values if name == column else getattr(recording, name) for name in ("q", "rates", "us")}
-    away = ranges.outside(**arrays, space=space)
+    away = ranges.outside(arrays["q"], arrays["rates"], arrays["us"], space)
     assert np.flatnonzero(away).tolist() == [7, 9]
 
 
@@ -85,3 +92,42 @@ def test_wherever_a_cyclic_coordinate_is_all_was_seen():
     for cyclic, away in (((), True), (("q1",), False), (("q2",), True)):
         found = outside(Ranges.of([recording], space, cyclic=cyclic), dataclasses.replace(recording, q=q), space)
         assert (found == away).all()
+
+
+@pytest.mark.parametrize("column", ["q", "rates", "us"])
+def test_what_is_outside_by_less_than_the_margin_does_not_count(column):
+    line, space = np.linspace(-1.0, 1.0, 30)[:, None], Space.parse("T1")
+    recording = dataclasses.replace(swing(), q=line, rates=line, us=line)
+    ranges = Ranges.of([recording], space)
+    for beyond, away in ((0.01, False), (0.03, True)):
+        arrays = {"q": recording.q, "rates": recording.rates, "us": recording.us}
+        arrays[column] = np.full((30, 1), 1 + 2 * beyond)
+        q, rates, us = arrays.values()
+        assert (ranges.outside(q, rates, us, space, margin=0.02) == away).all()
+        assert ranges.outside(q, rates, us, space).all()
+        farthest = farthest_of(ranges, q, rates, us, space=space)
+        assert farthest.of == {"q": "position", "rates": "rate", "us": "input"}[column]
+        assert farthest.here == pytest.approx((1 + 2 * beyond,) * 2)
+        assert farthest.training == (-1.0, 1.0)
+        assert farthest.share == pytest.approx(beyond, rel=1e-6)
+
+
+def test_the_farthest_column_is_the_one_that_goes_beyond_by_most_of_its_own_range():
+    recording = swing(size=2)
+    space, rates = Space.parse("R1 T1"), recording.rates * [1.0, 50.0]
+    ranges = Ranges.of([dataclasses.replace(recording, rates=rates)], space)
+    q, pushed = recording.q + np.array([0.5, 20 * np.pi]), rates + np.array([0.0, 10.0])
+    farthest = farthest_of(ranges, q, pushed, None, space=space)  # By a quarter, not at all, nor by a tenth.
+    assert (farthest.of, farthest.column) == ("position", 0)
+    assert farthest_of(ranges, recording.q, pushed, recording.us, space=space).column == 1
+    assert ranges.farthest(recording.q, rates, recording.us, space) is None
+
+
+@given(turns=st.integers(-5, 5))
+def test_an_angle_beyond_training_is_named_by_the_turn_next_to_it(turns):
+    recording, space = swing(), Space.parse("T1")
+    ranges = Ranges.of([recording], space)
+    q = recording.q.copy()
+    q[3:5, 0] = 1.5, math.nan  # A rollout that diverged.
+    farthest = farthest_of(ranges, q + 2 * np.pi * turns, recording.rates, None, space=space)
+    np.testing.assert_allclose(farthest.here, (recording.q.min(), 1.5))

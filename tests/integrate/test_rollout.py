@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+from symoden.data import Trajectory
+from symoden.evaluation import predict
 from symoden.integrate import HOLDS, RK4, DiffraxSolver, linear_hold, rollout, zero_hold
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
@@ -178,6 +180,15 @@ def test_single_precision_in_is_single_precision_out(name):
 
 PLAIN = inspect.unwrap(rollout)  # as users have it, without the check of types that tests add
 LINE = jnp.linspace(0.0, 1.0, 5)
+
+
+def test_a_rollout_is_as_fine_as_a_prediction_where_no_solver_is_given():
+    us = jnp.zeros((5, 1))
+    path = rollout(Pendulum(), jnp.ones(1), jnp.zeros(1), LINE, us)
+    assert np.array_equal(path.q, rollout(Pendulum(), jnp.ones(1), jnp.zeros(1), LINE, us, solver=RK4(4)).q)
+    rest = Trajectory(name="swing", ts=np.asarray(LINE), q=np.ones((5, 1)), rates=np.zeros((5, 1)), us=np.zeros((5, 1)))
+    (predicted,) = predict(Pendulum(), [rest])
+    np.testing.assert_allclose(path.q, predicted.q, rtol=1e-12)
 
 
 def test_a_rollout_in_a_loop_is_compiled_once():

@@ -157,7 +157,7 @@ def test_pulling_back_is_the_transpose_of_the_jacobian_for_any_chunk_kept_or_not
 def test_an_accelerated_step_misses_the_bottom_by_the_third_order(pendulum, small, monkeypatch):
     model, objective, batch = problem(pendulum(momenta=True), small, momenta=True)
     restore, bottom = Flattening.of(model, corrections=0)
-    exact = jax.vmap(lambda w: rollout(restore(bottom), w.q[0], w.rates[0], w.ts, w.us))(batch)
+    exact = jax.vmap(lambda w: rollout(restore(bottom), w.q[0], w.rates[0], w.ts, w.us, solver=RK4()))(batch)
     batch = batch._replace(q=exact.q, rates=exact.rates)
     # Rounding in single precision, which directions without data amplify, would hide the order.
     plain = Linearization.at

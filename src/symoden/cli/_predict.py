@@ -24,6 +24,7 @@ from ._words import name_unfinished
 _COLUMNS: Final = ("ts", "q", "rates", "u", "q_predicted", "rates_predicted")
 _BANDS: Final = ("q_half_width", "q_windows", "q_windows_half_width")
 _MANY = 0.05  # Share of samples outside of the training data from which it is worth a word.
+_MARGIN = 0.02  # Of a column's range in training, beyond which it lies outside.
 
 
 def run(command: Predict) -> None:
@@ -52,7 +53,9 @@ def run(command: Predict) -> None:
         arrays, told = arrays | more, {"bands": said if bands is not None else {"unavailable": missing}}
     save_npz(command.out, arrays)
     outside = _outside(config, every, predictions)
-    _name_outside(outside)
+    _name_outside(
+        outside, {name: _farthest(config, every[name], each) for name, each in zip(every, predictions, strict=True)}
+    )
     if command.general.json:
         print_json(
             {
@@ -111,19 +114,37 @@ def _outside(config: RunConfig, every: dict[str, Trajectory], predictions: Seque
     space, ranges = Space.parse(config.data.space), config.data.ranges
     found: dict[str, float] = {}
     for (name, recording), prediction in zip(every.items(), predictions, strict=True):
-        asked = ranges.outside(recording.q, recording.rates, recording.us, space)
-        went = ranges.outside(prediction.q, prediction.rates, recording.us, space)
+        asked = ranges.outside(recording.q, recording.rates, recording.us, space, margin=_MARGIN)
+        went = ranges.outside(prediction.q, prediction.rates, recording.us, space, margin=_MARGIN)
         found[name] = float(np.mean(asked | went))
     return found
 
 
-def _name_outside(outside: dict[str, float]) -> None:
+def _farthest(config: RunConfig, recording: Trajectory, prediction: Prediction) -> str:
+    """What goes farthest beyond training, recorded or predicted, and how far; nothing if all that is finite is in."""
+    space, ranges = Space.parse(config.data.space), config.data.ranges
+    found = [
+        (where, farthest)
+        for where, path in (("recorded", recording), ("predicted", prediction))
+        if (farthest := ranges.farthest(path.q, path.rates, recording.us, space))
+    ]
+    if not found:
+        return ""
+    where, farthest = max(found, key=lambda each: each[1].share)
+    names = config.data.input_names if farthest.of == "input" else config.data.position_names
+    rate = "the momentum of " if config.data.momenta else "the velocity of "
+    here, training = (f"{number(low)} to {number(high)}" for low, high in (farthest.here, farthest.training))
+    what = f"{rate if farthest.of == 'rate' else ''}`{names[farthest.column]}`"
+    return f": farthest {what}, {where} from {here}, in training from {training}"
+
+
+def _name_outside(outside: dict[str, float], farthest: dict[str, str]) -> None:
     """Say on standard error where the model extrapolates."""
     for name, share in outside.items():
         if share > _MANY:
             print(
                 f"warning: `{name}` lies outside of what training saw for {share:.0%} of its samples, recorded or "
-                "predicted (a rollout may, where the recording does not); there the model extrapolates."
+                f"predicted{farthest[name]}. There the model extrapolates."
                 + ("" if name.startswith("train:") else " Train on data that reach as far."),
                 file=sys.stderr,
             )

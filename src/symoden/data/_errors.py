@@ -1,15 +1,18 @@
 """The errors of recorded data, and the words that their messages share."""
 
 import difflib
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from symoden.wording import first_few
+from symoden.wording import first_few, quoted
 
 _SHOWN = 20
 _TYPO, _CLOSE = 0.9, 0.6  # Likeness of names.
 _SHOWN_TEXT = 80  # Characters.
+_ESCAPES: Final = {"\b": r"\b", "\t": r"\t", "\n": r"\n", "\f": r"\f", "\r": r"\r"}
+_CONTROL: Final = re.compile("[\b\t\n\f\r]")
 COPY: Final = "Perhaps it was cut off: copy it again, or write it again where it was recorded."
 
 
@@ -35,6 +38,19 @@ def listing(names: Iterable[str]) -> str:
 def cut(text: str) -> str:
     """A formula or value in a message, without what is too long of it."""
     return text if len(text) <= _SHOWN_TEXT else f"{text[: _SHOWN_TEXT - 1]}…"
+
+
+def unescaped(name: str) -> str:
+    """The name in which TOML, or Python, took a backslash for the beginning of an escape; any other as it is."""
+    return _CONTROL.sub(lambda found: _ESCAPES[found[0]], name)
+
+
+def on_escapes(name: str) -> str:
+    """A word on such a name, or nothing."""
+    meant = unescaped(name)
+    if meant == name:
+        return ""
+    return f" Names with backslashes stand in single quotes in TOML: {quoted(meant)}."
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -74,7 +90,7 @@ class AbsentError(DataError):
 
     def __str__(self) -> str:
         """The message."""
-        question = nearest(self.name, self.found)
+        question = nearest(unescaped(self.name), self.found) + on_escapes(self.name)
         return (
             f"`{self.path}`: no {self.kind} `{self.name}`; found {listing(self.found)}.{question} Give the names as "
             f"the file has them.{self.hint}"

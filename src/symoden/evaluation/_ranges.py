@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,6 +13,24 @@ from symoden.spaces import Space
 Bounds: TypeAlias = tuple[tuple[float, float], ...]
 
 _SLACK = 1e-9
+
+
+class Farthest(NamedTuple):
+    """The column of a recording that lies farthest outside of what training saw.
+
+    Attributes:
+        of: What it is.
+        column: Which of these, from 0 on.
+        here: Its least and largest value; of an angle, by the turn that is next to training.
+        training: Those in training.
+        share: How far it lies outside, as a share of its range in training.
+    """
+
+    of: Literal["position", "rate", "input"]
+    column: int
+    here: tuple[float, float]
+    training: tuple[float, float]
+    share: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,6 +95,8 @@ class Ranges:
         rates: Float[np.ndarray, "T n"],
         us: Float[np.ndarray, "T m"] | None,
         space: Space,
+        *,
+        margin: float = 0.0,
     ) -> Bool[np.ndarray, " T"]:
         """Which samples have a position, rate or input that training never saw.
 
@@ -85,22 +105,75 @@ class Ranges:
             rates: Velocities or momenta.
             us: Inputs; None where these do not matter, as what is linear in them reaches beyond the data.
             space: Space of the mechanism; angles are compared modulo 2π.
+            margin: How far beyond it does not count, as a share of a column's range in training.
 
         Returns:
             Whether each sample lies outside; samples that are not finite do.
         """
-        low, high = np.asarray(self.positions).T
+        return np.any(self._beyond(q, rates, us, space) > margin, axis=1)
+
+    def farthest(
+        self,
+        q: Float[np.ndarray, "T n"],
+        rates: Float[np.ndarray, "T n"],
+        us: Float[np.ndarray, "T m"] | None,
+        space: Space,
+    ) -> Farthest | None:
+        """Find the column that goes farthest beyond what training saw.
+
+        Args:
+            q: Coordinates.
+            rates: Velocities or momenta.
+            us: Inputs, or None, as for `outside`.
+            space: Space of the mechanism.
+
+        Returns:
+            The column; None where all that is finite lies inside.
+        """
+        beyond = self._beyond(q, rates, us, space)
+        reach = np.where(np.isfinite(beyond), beyond, 0.0).max(axis=0)
+        column = int(reach.argmax())
+        if not reach[column]:
+            return None
+        columns, bounds = self._columns(q, rates, us)
+        role, index = divmod(column, space.size) if column < 2 * space.size else (2, column - 2 * space.size)
+        of: Literal["position", "rate", "input"] = ("position", "rate", "input")[role]
+        (low, high), values = bounds[column], columns[:, column]
+        if of == "position" and space.is_angle[index]:
+            middle = (low + high) / 2
+            values = middle + np.mod(values - middle + np.pi, 2 * np.pi) - np.pi
+        here = float(np.nanmin(values)), float(np.nanmax(values))
+        return Farthest(of=of, column=index, here=here, training=(low, high), share=float(reach[column]))
+
+    def _columns(
+        self, q: Float[np.ndarray, "T n"], rates: Float[np.ndarray, "T n"], us: Float[np.ndarray, "T m"] | None
+    ) -> tuple[Float[np.ndarray, "T k"], Bounds]:
+        """All columns beside each other, NaN where one is not finite, and their ranges in training."""
+        driven = us is not None and bool(self.inputs)
+        columns = np.concatenate([q, rates, us] if driven else [q, rates], axis=1)
+        bounds = self.positions + self.rates + (self.inputs if driven else ())
+        return np.where(np.isfinite(columns), columns, np.nan), bounds
+
+    def _beyond(
+        self,
+        q: Float[np.ndarray, "T n"],
+        rates: Float[np.ndarray, "T n"],
+        us: Float[np.ndarray, "T m"] | None,
+        space: Space,
+    ) -> Float[np.ndarray, "T k"]:
+        """How far every column of every sample lies outside, as a share of its range; infinite where none is finite."""
+        columns, bounds = self._columns(q, rates, us)
+        low, high = np.asarray(bounds).T
+        far = np.maximum(low - columns, columns - high)
+        turned = np.mod(columns - low, 2 * np.pi)
+        round_trip = np.minimum(turned - (high - low), 2 * np.pi - turned)
+        is_angle = np.zeros(len(low), bool)
+        is_angle[: space.size] = space.is_angle
+        far = np.where(is_angle, round_trip, far)
+        far[:, list(self.cyclic)] *= 0.0  # NaN stays.
         slack = _SLACK * np.maximum(1.0, high - low)
-        angle = np.asarray(space.is_angle)
-        above = np.where(angle, np.mod(q - low + slack, 2 * np.pi), q - low + slack)
-        near = (above >= 0) & (above <= high - low + 2 * slack)
-        near |= np.isin(np.arange(len(low)), self.cyclic) & np.isfinite(q)
-        inside = np.all(near, axis=1)
-        for bounds, columns in ((self.rates, rates), (self.inputs, us)):
-            if bounds and columns is not None:
-                low, high = np.asarray(bounds).T
-                inside &= np.all((columns >= low - _SLACK) & (columns <= high + _SLACK), axis=1)
-        return ~inside
+        share = np.maximum(far - slack, 0.0) / np.maximum(high - low, _SLACK)
+        return np.where(np.isnan(share), np.inf, share)
 
 
 def _turns(low: Float[np.ndarray, " K"], high: Float[np.ndarray, " K"]) -> Float[np.ndarray, " K"]:

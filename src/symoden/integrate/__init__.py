@@ -9,9 +9,16 @@ from ._rollout import (
     zero_hold as zero_hold,
 )
 from ._sensitivity import LinearField as LinearField, sensitivity_step as sensitivity_step
-from ._solvers import RK4 as RK4, AbstractSolver as AbstractSolver, DiffraxSolver as DiffraxSolver, Stages as Stages
+from ._solvers import (
+    FEWEST_SUBSTEPS as FEWEST_SUBSTEPS,
+    RK4 as RK4,
+    AbstractSolver as AbstractSolver,
+    DiffraxSolver as DiffraxSolver,
+    Stages as Stages,
+)
 
 __all__ = [
+    "FEWEST_SUBSTEPS",
     "HOLDS",
     "RK4",
     "AbstractSolver",

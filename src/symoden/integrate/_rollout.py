@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates, Rates, Times, floats, vector
 
-from ._solvers import RK4, AbstractSolver
+from ._solvers import FEWEST_SUBSTEPS, RK4, AbstractSolver
 
 SampledInputs: TypeAlias = Float[Array, "T m"]
 Ends: TypeAlias = tuple[Float[Array, "T-1 m"], Float[Array, "T-1 m"]]
@@ -87,7 +87,8 @@ def rollout(
         rates0: Velocities or momenta there, as `dynamics.momenta` says.
         ts: Times of the samples [s], increasing; the intervals may differ. The dynamics count from the first one.
         us: Inputs at the samples, one row per time; without inputs, no columns.
-        solver: What advances the state from sample to sample; one RK4 step if absent.
+        solver: What advances the state from sample to sample; four RK4 steps if absent, as `predict`
+            takes. Where training needed more, `FitResult.solver` or a run's `evaluation_solver(config)` has as many.
         hold: How an input acts between samples: "zero", "linear", or a function as `zero_hold` and `linear_hold` are.
         unroll: Write the samples out instead of looping over them: slower to compile, faster for large networks.
 
@@ -110,7 +111,7 @@ def rollout(
         for name, each in (("q0", q0), ("rates0", rates0))
     )
     ts, us = _checked_samples(ts, us, dynamics.inputs)
-    advance = RK4() if solver is None else solver
+    advance = RK4(FEWEST_SUBSTEPS) if solver is None else solver
     if isinstance(hold, str) and hold not in HOLDS:
         raise ValueError(f"`rollout`: `hold` must be one of {', '.join(HOLDS)}, or a function; got {hold!r}.")
     ends = HOLDS[hold] if isinstance(hold, str) else hold

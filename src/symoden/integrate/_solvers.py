@@ -14,6 +14,9 @@ from symoden.shapes import Inputs, Scalar
 
 Field: TypeAlias = Callable[[Scalar, PyTree, Inputs], PyTree]
 
+FEWEST_SUBSTEPS: Final = 4
+"""RK4 steps in a sampling interval by which models are evaluated, or more where training needed more."""
+
 OFFSETS: Final = (0.0, 1 / 2, 1 / 2, 1.0)
 """Where in a step the classical Runge-Kutta method takes its slopes, each from the one before."""
 WEIGHTS: Final = (1 / 6, 1 / 3, 1 / 3, 1 / 6)

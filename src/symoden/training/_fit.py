@@ -16,7 +16,7 @@ import numpy as np
 
 from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL
 from symoden.data import Dataset, DataWarning
-from symoden.integrate import RK4
+from symoden.integrate import FEWEST_SUBSTEPS, RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, save
 from symoden.storage import StorageError
@@ -34,9 +34,6 @@ from ._prepare import Prepared, prepare
 from ._run import MODEL, Journal, Progress, Stopwatch, ignore, run
 from ._stages import AbstractStage
 from ._state import Findings, TrainingState
-
-FEWEST_SUBSTEPS: Final = 4
-"""RK4 steps in a sampling interval by which models are evaluated, or more where training needed more."""
 
 _ROUNDS: Final = 3  # What is small beside a push is seen once that is left out.
 _STATES = 512  # Where V's slope is looked at.

@@ -51,13 +51,17 @@ def test_names_and_units_that_differ_are_named(tmp_path, units, said):
     assert all(said in f"{each.text}: {each.advice}" and each.level == "warning" for each in found)
 
 
-def test_units_in_names_that_no_entry_of_units_could_have_are_left_alone(tmp_path):
+def test_units_in_names_that_no_entry_of_units_could_have_are_advised_as_factors(tmp_path):
     t = np.linspace(0.0, 4.0, 401)
     rows = np.stack([t, np.sin(2 * t), np.cos(3 * t), np.sin(t)], axis=1)
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,x [ms],turn (mm),u [us]", comments="")
     path = tmp_path / "arm.toml"
     text = NAMED.format(units="").replace("x [mm]", "x [ms]").replace("turn (°)", "turn (mm)").replace("[N]", "[us]")
     path.write_text(text, encoding="utf-8")
+    found = [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"]
+    assert [each.channel for each in found] == ["x [ms]", "turn (mm)"]  # Widths of pulses are in us.
+    assert all(f'`units = {{"{each.channel}" = 1}}`' in each.advice for each in found)
+    path.write_text(f'units = {{"x [ms]" = 1, "turn (mm)" = 1}}\n{text}', encoding="utf-8")
     assert [each for each in check_dataset(path).recordings[0].findings if each.kind == "unit"] == []
 
 

@@ -16,14 +16,14 @@ from symoden.data.description import (
     number_of,
     of_column,
     si_of,
-    split_unit,
-    unit_of,
+    unit_said,
     units_of,
 )
 from symoden.data.logs import Facts
 from symoden.data.signals import AGREES, UNRELATED, Ratio, velocity_ratio
 
 from ._jumps import find_jumps
+from ._quantities import find_other_quantities, where_said
 
 _ROUNDED: Final = 1e-3  # As far a factor may be rounded that is a unit's: 0.01745 for a degree.
 _SAME = 0.06  # relative deviation up to which a factor is a known one
@@ -102,7 +102,7 @@ def find_mismatches(facts: Facts, stuck: Sequence[Finding]) -> list[Finding]:
     """
     if clock := _clock(facts):
         return [clock]
-    said, others = _units_in_names(facts), _other_units(facts)
+    said, others = _units_in_names(facts), [*_other_units(facts), *find_other_quantities(facts)]
     found, named = [*_by_name(said, facts), *others], {*said, *(each.channel for each in others)}
     joints, agree = range(facts.q.shape[1]), []
     for i in joints:
@@ -122,10 +122,7 @@ def _named_units(facts: Facts) -> dict[str, tuple[str, str]]:
     """Unit that the name of a position or velocity, or a line under it, says, if it can be one; and its SI unit."""
     per_second = [tuple(f"{unit}/s" for unit in kinds) for kinds in facts.kinds]
     every = zip(facts.positions + facts.rates, [*facts.kinds, *per_second], strict=False)
-    units = {
-        channel.name: (split_unit(channel.name)[1] or unit_of(facts.below.get(channel.name, "")), kinds)
-        for channel, kinds in every
-    }
+    units = {channel.name: (unit_said(channel.name, facts.below), kinds) for channel, kinds in every}
     return {name: (unit, si) for name, (unit, kinds) in units.items() if unit and (si := si_of(unit)) in kinds}
 
 
@@ -152,24 +149,21 @@ def _other_units(facts: Facts) -> list[Finding]:
                 kind="unit",
                 level="warning",
                 channel=name,
-                text=f"the {_where(name)} of `{name}` says {unit}, and `units` {told[0]}",
-                advice=f"Write `{key(name)} = {value}` into `units` instead, unless it is the {_where(name)} that is "
-                "wrong.",
+                text=f"the {where_said(name)} of `{name}` says {unit}, and `units` {told[0]}",
+                advice=f"Write `{key(name)} = {value}` into `units` instead, unless it is the {where_said(name)} that "
+                "is wrong.",
             )
         )
     return found
-
-
-def _where(name: str) -> str:
-    """Where a column's unit stands."""
-    return "name" if split_unit(name)[1] else "line under the name"
 
 
 def _by_name(said: Mapping[str, tuple[str, str]], facts: Facts) -> list[Finding]:
     """One finding of all such columns, so that one line of the description mends them."""
     if not said:
         return []
-    texts = [f"the {_where(name)} of `{name}` says {unit}, and it is read as {si}" for name, (unit, si) in said.items()]
+    texts = [
+        f"the {where_said(name)} of `{name}` says {unit}, and it is read as {si}" for name, (unit, si) in said.items()
+    ]
     return [
         Finding(
             kind="unit",

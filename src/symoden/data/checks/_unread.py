@@ -5,7 +5,7 @@ from typing import Final
 
 from symoden.data._findings import Finding
 from symoden.data.logs import Log
-from symoden.wording import first_few
+from symoden.wording import first_few, quoted
 
 _NAMED: Final = 4
 
@@ -30,6 +30,6 @@ def find_unread_inputs(logs: Sequence[Log]) -> list[Finding]:
             channel=drives[0] if len(drives) == 1 else "",
             text=f"the description has no `inputs`, and the files have {names}: what drives a machine and is not read "
             "is taken for weight, springs and friction",
-            advice=f'If these drive it, name them: `inputs = ["{drives[0]}"]`. Else nothing need be done.',
+            advice=f"If these drive it, name them: `inputs = [{quoted(drives[0])}]`. Else nothing need be done.",
         )
     ]

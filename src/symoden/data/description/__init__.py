@@ -16,7 +16,7 @@ from ._units import (
     of_column as of_column,
     si_of as si_of,
     split_unit as split_unit,
-    unit_of as unit_of,
+    unit_said as unit_said,
     units_of as units_of,
 )
 from ._unreadable import Unreadable as Unreadable
@@ -36,7 +36,7 @@ __all__ = [
     "read_parts",
     "si_of",
     "split_unit",
-    "unit_of",
+    "unit_said",
     "units_of",
     "without_impossible",
 ]

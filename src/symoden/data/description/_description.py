@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
-from symoden.data._errors import DataError, cut, listing, nearest
+from symoden.data._errors import DataError, cut, listing, nearest, on_escapes
 from symoden.data.files import Selector, Table, names_in, variable_of
 from symoden.known import Expression, KnownParts
 
@@ -338,7 +338,7 @@ def _refuse_unread(path: Path, key: str, named: Iterable[str], selectors: Mappin
         if not is_named(column, selectors):
             raise DataError(
                 f"`{path}`: `{key}` must name columns that are read, which are {listing(read)}; got `{column}`. Spell "
-                "it there, or in the key that reads it, as the files do."
+                f"it there, or in the key that reads it, as the files do.{on_escapes(column)}"
             )
 
 

@@ -41,4 +41,7 @@ def _line_of(error: Exception, text: str) -> str:
     """The line at which a parser stopped, if it tells which; names without quotation marks are the usual mistake."""
     told = re.search(r"at line (\d+)", str(error))
     line = next(itertools.islice(text.split("\n"), int(told[1]) - 1, None), "").strip() if told else ""
-    return f", in `{line[:_SHOWN_CHARACTERS]}`. Names of columns and files stand in quotation marks" if line else ""
+    if not line:
+        return ""
+    single = ", with backslashes in single ones" if "\\" in line else ""
+    return f", in `{line[:_SHOWN_CHARACTERS]}`. Names of columns and files stand in quotation marks{single}"

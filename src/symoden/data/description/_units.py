@@ -11,6 +11,7 @@ import numpy as np
 
 from symoden.data._errors import DataError, listing, nearest
 from symoden.data.files import Rows, Selector, names_in, variable_of
+from symoden.wording import quoted
 
 T = TypeVar("T")
 
@@ -132,6 +133,23 @@ def split_unit(name: str) -> tuple[str, str]:
     return found["name"], unit
 
 
+def unit_said(name: str, below: Mapping[str, str]) -> str:
+    """The unit that a column's name says, or else a line under the names.
+
+    Args:
+        name: Name of the column.
+        below: What such a line says of columns, as it is written.
+
+    Returns:
+        The unit as `factor_of` takes it; nothing where neither says one.
+
+    Example:
+        >>> unit_said("pos [mm]", {}), unit_said("theta", {"theta": "[deg]"}), unit_said("u", {"u": "-"})
+        ('mm', 'deg', '')
+    """
+    return split_unit(name)[1] or unit_of(below.get(name, ""))
+
+
 def units_of(si: Iterable[str]) -> list[str]:
     """Units that are brought to one of some SI units, or rad.
 
@@ -186,8 +204,12 @@ def key(name: str) -> str:
 
     Returns:
         It, in quotes where TOML wants them.
+
+    Example:
+        >>> key("q1"), key("pos [mm]")
+        ('q1', '"pos [mm]"')
     """
-    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else f'"{name}"'
+    return name if name.replace("_", "").replace("-", "").isalnum() and name.isascii() else quoted(name)
 
 
 def is_named(column: str, selectors: Mapping[str, Selector]) -> bool:

@@ -1,4 +1,4 @@
-"""Decimal commas, as much of Europe writes them."""
+"""Numbers as people and office programs write them: decimal commas, as in much of Europe, and the sign of minus."""
 
 from typing import Final
 
@@ -6,7 +6,21 @@ import polars as pl
 
 _COMMA: Final = r"^[+-]?\d*,\d+([eE][+-]?\d+)?$"
 _POINT: Final = r"^\s*[+-]?\d*\.\d+([eE][+-]?\d+)?\s*$"
+_NUMBER: Final = r"^\s*[+−-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+−-]?\d+)?\s*$"
 _THOUSANDS: Final = r"^[+-]?[1-9]\d{0,2},\d{3}$"
+
+
+def with_hyphens(frame: pl.DataFrame) -> pl.DataFrame:
+    """Write the sign of minus (U+2212), where numbers have it, as the hyphen that computers take for it.
+
+    Args:
+        frame: Columns of text.
+
+    Returns:
+        The columns; words in them as they are.
+    """
+    signed = pl.all().str.replace_all("−", "-", literal=True)
+    return frame.with_columns(pl.when(pl.all().str.contains(_NUMBER)).then(signed).otherwise(pl.all()))
 
 
 def with_points(frame: pl.DataFrame) -> pl.DataFrame:

@@ -14,7 +14,7 @@ _NO_NUMBERS: Final = (*NOTHING, "nan", "inf", "-inf")
 _COMMENTS: Final = ("#", "%")
 _DECLARATION: Final = re.compile(r'"?sep=.?"?', re.IGNORECASE)  # Of the separator, for spreadsheets.
 _PREAMBLE: Final = 2000  # Lines in which the rows of a table begin.
-_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+−-]?(\d+[.,]?\d*|[.,]\d+)([eE][+−-]?\d+)?")
 _NO_UNIT = re.compile(r"[][(){}\s*/·.^²³0-9-]+")
 _PROSE: Final = 200  # Lines before the names.
 _ALIKE: Final = 3  # Rows one after another that tell where a table begins.

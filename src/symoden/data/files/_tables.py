@@ -14,7 +14,7 @@ import polars as pl
 
 from symoden.data._errors import COPY, DataError
 
-from ._decimals import with_points
+from ._decimals import with_hyphens, with_points
 from ._layout import Layout, cells_of, find_layout
 from ._limits import LARGEST, refuse_large
 
@@ -39,7 +39,7 @@ def read_csv(path: Path) -> pl.DataFrame:
 
     A line of names comes first. Comments before it (`#`, `%`), whatever a program said before the table, and a line of
     units after the names are left out; the last comment names the columns where no other line does, as NumPy writes it.
-    Where no commas separate the columns, decimal commas become points.
+    Where no commas separate the columns, decimal commas become points; the sign of minus becomes a hyphen.
 
     Args:
         path: File; its name ends in `.gz` if it is compressed.
@@ -77,6 +77,8 @@ def read_csv(path: Path) -> pl.DataFrame:
             raise DataError(f"`{path}`: must be a table of text; reading stopped at: {reason}.") from error
         frame = read(_counted(trimmed, separator, len(names)).encode())
     frame = _without_cut_cells(frame, body, layout)
+    if "−" in body:
+        frame = with_hyphens(frame)
     if separator != "," and "," in body:
         frame = with_points(frame)
     return frame.rename(_unique(names))

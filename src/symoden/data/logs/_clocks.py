@@ -9,6 +9,7 @@ from symoden.data._findings import Finding
 from symoden.data.description import Description, entry, split_unit
 from symoden.data.files import UnreadClock
 from symoden.data.signals import usual_step
+from symoden.wording import quoted
 
 from ._logs import Log
 
@@ -113,8 +114,8 @@ def _other_rows(log: Log, dt: float) -> tuple[Finding, ...]:
             level="warning",
             channel=name,
             text=f"`{name}`, which is not read, goes on by {step} from row to row, but `dt` is {dt:g} s",
-            advice=f'Write `time = "{name}"` in place of `dt`, with its unit in `units` if it is not in seconds, or '
-            "correct `dt`: by a wrong time masses and friction are wrong.",
+            advice=f"Write `time = {quoted(name)}` in place of `dt`, with its unit in `units` if it is not in seconds, "
+            "or correct `dt`: by a wrong time masses and friction are wrong.",
         ),
     )
 

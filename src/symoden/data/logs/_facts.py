@@ -1,13 +1,13 @@
 """Facts of every channel of one log."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from symoden.data.description import Description
+from symoden.data.description import Description, of_column, si_of, unit_said
 from symoden.data.files import units_below_names
 from symoden.data.signals import (
     Accuracy,
@@ -140,13 +140,14 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
     rates = None if log.rates is None else log.rates[rows]
     v = rates if description.momenta is None else None
     longest = longest_step(np.diff(ts), resample=description.resample)
-    ways = unwrapped(q, is_angle)
+    ways, below = unwrapped(q, is_angle), units_below_names(log.path)
+    names = {role: _titled(log, role, description.units, below) for role in log.signals}
     positions = tuple(
         dataclasses.replace(one, moving=_share_moving(ts, way, one.accuracy, longest))
-        for one, way in zip(_channels(ts, q, log, "position", longest, smooth=ways), ways.T, strict=True)
+        for one, way in zip(_channels(ts, q, names["positions"], "position", longest, smooth=ways), ways.T, strict=True)
     )
     role: Role = "velocity" if description.momenta is None else "momentum"
-    of_rates = () if rates is None else _channels(ts, rates, log, role, longest)
+    of_rates = () if rates is None else _channels(ts, rates, names["rates"], role, longest)
     ratios = ()
     if v is not None:
         ratios = tuple(
@@ -168,23 +169,38 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
         longest=longest,
         positions=positions,
         rates=of_rates,
-        inputs=_channels(ts, us, log, "input", longest),
+        inputs=_channels(ts, us, names["inputs"], "input", longest),
         ratios=ratios,
         units=description.units,
         clock=log.names["time"][0] if "time" in log.names else "",
-        below=units_below_names(log.path),
+        below=below,
     )
 
 
+def _titled(log: Log, role: str, told: Mapping[str, float], below: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Names of the columns of a role, and these for a reader: without the unit of a coordinate that they contradict."""
+    columns = []
+    for i, (name, unit) in enumerate(zip(log.names[role], log.units[role], strict=True)):
+        said = unit_said(name, below)
+        is_other = said and si_of(said) != unit and of_column(name, told) is None
+        columns.append((name, name if is_other else log.title(role, i)))
+    return columns
+
+
 def _channels(
-    ts: np.ndarray, signals: np.ndarray, log: Log, role: Role, longest: float, *, smooth: np.ndarray | None = None
+    ts: np.ndarray,
+    signals: np.ndarray,
+    names: Sequence[tuple[str, str]],
+    role: Role,
+    longest: float,
+    *,
+    smooth: np.ndarray | None = None,
 ) -> tuple[ChannelFacts, ...]:
     """Facts of each column that need no other one; noise is that of the `smooth` ones, if there are others."""
-    key = {"position": "positions", "input": "inputs"}.get(role, "rates")
     quiet = signals if smooth is None else smooth
     return tuple(
-        _channel(signal, (name, log.title(key, i)), role, noise_level(ts, way, longest=longest))
-        for i, (signal, way, name) in enumerate(zip(signals.T, quiet.T, log.names[key], strict=True))
+        _channel(signal, each, role, noise_level(ts, way, longest=longest))
+        for signal, way, each in zip(signals.T, quiet.T, names, strict=True)
     )
 
 
