@@ -24,6 +24,7 @@ from .checks import (
     find_short,
     find_slow_sampling,
     find_unread_inputs,
+    find_untold_inputs,
     is_idle,
     stands_still,
     survey,
@@ -146,7 +147,8 @@ def _together(
     finer = find_finer_sampling(resample=description.resample, logged=logged)
     pace = *finer, *slow, *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
-    return [*copies, *find_short(dataset, is_angle), *pace, *feedback, *doubts.description, *doubts.files]
+    inputs = *feedback, *find_untold_inputs(dataset)
+    return [*copies, *find_short(dataset, is_angle), *pace, *inputs, *doubts.description, *doubts.files]
 
 
 def _check(

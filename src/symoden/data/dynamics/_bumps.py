@@ -117,21 +117,56 @@ def bumps_of(
     Returns:
         One for each recording that is long enough; none where all together are too few.
     """
+    size, enough = steps_under(recordings), _enough(recordings, is_angle)
+    long, starts = _laid(recordings, first, last, most, enough)
+    if sum(map(len, starts)) < enough:
+        return []
+    # Beside 1, powers of lengths that are far from zero would tell nothing. One file in another unit moves no median.
+    middle = np.where(is_angle, 0.0, np.median([np.median(each.q, axis=0) for each in long], axis=0))
+    return [
+        under_bumps(each, start[:, None] + np.arange(size + 1), is_angle, middle, held=held)
+        for each, start in zip(long, starts, strict=True)
+    ]
+
+
+def lacking_seconds(
+    recordings: Sequence[Trajectory], is_angle: np.ndarray, *, first: float = 0.0, last: float = 0.0
+) -> float:
+    """Count how much longer recordings have to be for bumps to be laid on them.
+
+    Args:
+        recordings: Recordings of velocities with the same inputs.
+        is_angle: Whether each coordinate is an angle.
+        first: Where the first bump of each may begin [s].
+        last: How long before its end the last one has to end [s].
+
+    Returns:
+        How much longer the last one would have to be, about [s]; 0 where they are long enough.
+    """
+    step, size, enough = median_step(recordings), steps_under(recordings), _enough(recordings, is_angle)
+    long, starts = _laid(recordings, first, last, MOST, enough)
+    lacking = max(0, enough - sum(map(len, starts))) * (size // 2)
+    if not long:  # First of all comes what is not long enough for a single one.
+        lacking += max(0, size + round((first + last) / step) - max(map(len, recordings)))
+    return step * lacking
+
+
+def _laid(
+    recordings: Sequence[Trajectory], first: float, last: float, most: int, enough: int
+) -> tuple[list[Trajectory], list[Int[np.ndarray, " b"]]]:
+    """Recordings that are long enough, and the samples with which bumps begin on each."""
     step, size = median_step(recordings), steps_under(recordings)
     begin, end = (int(np.ceil(margin / step)) for margin in (first, last))
     long = [each for each in recordings if len(each) > begin + size + 1 + end]
-    if not long:
-        return []
-    stride = max(size // 2, sum(map(len, long)) // most, 1)
-    starts = [np.arange(begin, len(each) - end - size, stride)[:, None] for each in long]
-    # Beside 1, powers of lengths that are far from zero would tell nothing. One file in another unit moves no median.
-    middle = np.where(is_angle, 0.0, np.median([np.median(each.q, axis=0) for each in long], axis=0))
-    parts = [
-        under_bumps(each, start + np.arange(size + 1), is_angle, middle, held=held)
-        for each, start in zip(long, starts, strict=True)
-    ]
-    numbers = parts[0].motion.shape[1] + parts[0].given.shape[1] * parts[0].turning.shape[2]
-    return parts if sum(map(len, starts)) >= 2 * _MANY * numbers else []
+    room = sum(len(each) - begin - size - end for each in long)
+    stride = max(size // 2, min(sum(map(len, long)) // most, room // enough), 1)  # Eight joints take more than `most`.
+    return long, [np.arange(begin, len(each) - end - size, stride) for each in long]
+
+
+def _enough(recordings: Sequence[Trajectory], is_angle: np.ndarray) -> int:
+    """How many bumps a regression takes: several for each number, in either half."""
+    n, inputs = len(is_angle), recordings[0].us.shape[1]
+    return 2 * _MANY * (1 + 6 * n + n * (n + 1) // 2 + inputs * (1 + 2 * int(np.sum(is_angle))))
 
 
 def steps_under(recordings: Sequence[Trajectory]) -> int:

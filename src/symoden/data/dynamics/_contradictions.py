@@ -12,12 +12,14 @@ from symoden.data._findings import Finding
 
 from ._bumps import MOST, Bumps, Rows, bumps_of, stacked, under_bumps
 from ._changes import Change, changes_of
+from ._other_zeros import Zero, best_offset, zeros_of
 from ._regression import held_near_zero, usual_sizes
 from ._strangers import Stranger, find_strangers
 
 _WELL: Final = 0.1  # Share of the accelerations' mean square that is left: the others tell the file well as it is.
 _MOST: Final = 0.5  # The same: they tell most of it.
 _LATE: Final = 0.2  # The same, of other delays: of inputs that are fed back one in ten tells most of it by chance.
+_OFFSET: Final = 0.2  # The same, of another zero, which is no round number: it must tell more to be named.
 _NOTHING: Final = 1.0  # The same: they tell nothing.
 _LESS: Final = 0.33  # Of what is left as it is, and without some input: or it is this that the others misjudge.
 _ALIKE: Final = 1.5  # Times the least that is left; a change that leaves no more may be what is wrong as well.
@@ -90,9 +92,22 @@ class _Law(NamedTuple):
 
     def left(self, told: _Told) -> float:
         """Share of a file's accelerations, in their mean square, that it leaves."""
+        return self._share(self.residuals(told), told)
+
+    def left_beside_constants(self, told: _Told) -> float:
+        """The same beside a constant acceleration of its own: by another zero or payload, or where it leans."""
+        one, residuals = told.rows.motion[:, :1], self.residuals(told)
+        constants = one.T @ residuals / max(np.sum(one**2), np.finfo(float).tiny)
+        return self._share(residuals - one * constants, told)
+
+    def residuals(self, told: _Told) -> Float[np.ndarray, "r n"]:
+        """What it leaves of a file's accelerations, beside their usual size."""
         causes = np.concatenate([told.rows.motion, told.rows.pushed], axis=1)
-        gained = told.rows.gained / self.scale
-        return float(np.sum((gained - causes @ self.effects) ** 2) / max(np.sum(gained**2), np.finfo(float).tiny))
+        return told.rows.gained / self.scale - causes @ self.effects
+
+    def _share(self, residuals: Float[np.ndarray, "r n"], told: _Told) -> float:
+        """What residuals are of a file's accelerations, in their mean square."""
+        return float(np.sum(residuals**2) / max(np.sum((told.rows.gained / self.scale) ** 2), np.finfo(float).tiny))
 
 
 class _File:
@@ -112,11 +127,11 @@ class _File:
     def mended(self, change: Change) -> _Told:
         """What it tells with a change."""
         if change not in self._mended:
-            self._mended[change] = self._told_with(change)
+            self._mended[change] = self.told_with(change)
         return self._mended[change]
 
-    def _told_with(self, change: Change) -> _Told:
-        """The same, computed."""
+    def told_with(self, change: Change) -> _Told:
+        """The same, computed anew."""
         stride = max(1, self.told.bumps // _CHANGED)
         parts = [
             under_bumps(
@@ -126,6 +141,18 @@ class _File:
         ]
         rows = stacked(parts, change.delay)
         return _Told(rows, len(rows.motion))
+
+
+class _Suspects(NamedTuple):
+    """What may be wrong with a file.
+
+    Attributes:
+        changes: Signs, units, orders and delays.
+        zeros: Positions that may have another zero.
+    """
+
+    changes: Sequence[Change]
+    zeros: Sequence[Zero]
 
 
 class _Answer(NamedTuple):
@@ -146,13 +173,14 @@ _Files = Mapping[str, _File]
 
 
 def find_contradictions(dataset: Dataset, is_angle: np.ndarray, *, late: bool = False) -> list[Finding]:
-    """Say which files agree with the others only after a change of sign, unit, columns or delay, or not at all.
+    """Say which files agree with the others only after a change of sign, unit, columns, delay or zero, or not at all.
 
     A column is turned, written in another unit, exchanged with another one, or late from one day to the next. A model
     learns the mean of both, and no single file looks wrong. Accelerations under bumps are explained by functions of
     single positions, friction, products of velocities and the inputs, which may turn with angles. A file is named if
     what the others tell explains most of its accelerations with one such change, and leaves three times as much
-    without; of a delay it must tell as much by itself. Of the rest, files are named that are nothing like the others
+    without; of a delay it must tell as much by itself. Where another zero of a position tells it about as well, this
+    is named, and where a constant force does, nothing. Of the rest, files are named that are nothing like the others
     whatever is changed (`find_strangers`).
 
     Args:
@@ -177,7 +205,7 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray, *, late: bool = 
         every = {name: _File(recordings, is_angle, held=held) for name, recordings in files.items()}
         telling = {name: each for name, each in every.items() if each.told.bumps >= _FEWEST}
         changes = [each for each in changes_of(dataset, is_angle) if not (late and each.delay)]
-        odd, pair = _odd_ones(telling, changes)
+        odd, pair = _odd_ones(telling, _Suspects(changes, zeros_of(dataset, is_angle)))
     rest = {name: stacked(recordings) for name, recordings in files.items() if name not in odd and name not in pair}
     strangers = find_strangers(rest)
     return [
@@ -186,11 +214,11 @@ def find_contradictions(dataset: Dataset, is_angle: np.ndarray, *, late: bool = 
     ]
 
 
-def _odd_ones(files: _Files, changes: Sequence[Change]) -> tuple[dict[str, _Answer], tuple[str, ...]]:
+def _odd_ones(files: _Files, suspects: _Suspects) -> tuple[dict[str, _Answer], tuple[str, ...]]:
     """Files without which the others agree, and the last two where these do not, so that either may be wrong."""
     agree, odd = dict(files), {}
     while len(agree) > 1 and (unlike := _unlike(agree, _WELL)):
-        found = _most_at_odds(agree, unlike, changes)
+        found = _most_at_odds(agree, unlike, suspects)
         if found is None:
             break
         name, odd[name] = found
@@ -210,7 +238,7 @@ def _unlike(files: _Files, most: float) -> list[str]:
     ]
 
 
-def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[Change]) -> tuple[str, _Answer] | None:
+def _most_at_odds(files: _Files, unlike: Sequence[str], suspects: _Suspects) -> tuple[str, _Answer] | None:
     """The file that a change would mend, without which the fewest others are unlike; none where there is none."""
 
     def unlikely(name: str) -> tuple[bool, float]:
@@ -220,7 +248,7 @@ def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[Change
     found: list[tuple[int, str, _Answer]] = []
     others = dict(zip(files, _all_but_one([file.told for file in files.values()]), strict=True))
     for name in sorted(files, key=unlikely)[:_TRIED]:
-        answer = _mended(others[name], files[name], changes)
+        answer = _mended(others[name], files[name], suspects)
         if answer is None:
             continue
         rest = {other: file for other, file in files.items() if other != name}
@@ -233,23 +261,40 @@ def _most_at_odds(files: _Files, unlike: Sequence[str], changes: Sequence[Change
     return name, answer
 
 
-def _mended(others: _Told, file: _File, changes: Sequence[Change]) -> _Answer | None:
+def _mended(others: _Told, file: _File, suspects: _Suspects) -> _Answer | None:
     """What has to be changed for the others to tell most of a file, of which they leave three times as much now."""
     law = _Law.of(others)
     as_it_is = law.left(file.told)
     if as_it_is <= _WELL:
         return None
-    left = np.array([law.left(file.mended(change)) for change in changes])
-    for i, change in enumerate(changes):
+    left = np.array([law.left(file.mended(change)) for change in suspects.changes])
+    for i, change in enumerate(suspects.changes):
         if change.delay and not (left[i] <= _LATE and _tells(file, change)):
             left[i] = np.inf
     least = float(left.min())
-    most = min(_MOST, _LESS * min(as_it_is, law.least_without(file.told, file.inputs)))
-    if least > most:
+    less = _LESS * min(as_it_is, law.least_without(file.told, file.inputs))
+    most = min(_MOST, less)
+    moved, of_moved = _moved(law, file, suspects.zeros)
+    found = least <= most
+    # Where inputs hardly change a turned sign, or another unit, adds a constant force, as another zero does.
+    if moved and as_it_is > _MOST and of_moved <= min(_OFFSET, less) and not (found and of_moved > _ALIKE * least):
+        return _Answer((moved,), of_moved, as_it_is)
+    if not found or min(of_moved, law.left_beside_constants(file.told)) <= _ALIKE * least:
         return None
-    alike = [changes[i] for i in np.argsort(left) if left[i] <= min(_ALIKE * least, most)]
+    alike = [suspects.changes[i] for i in np.argsort(left) if left[i] <= min(_ALIKE * least, most)]
     delay = next((change for change in alike if change.delay), None)  # Those beside it are much alike.
     return _Answer(tuple(change for change in alike if not change.delay or change is delay), least, as_it_is)
+
+
+def _moved(law: _Law, file: _File, zeros: Sequence[Zero]) -> tuple[Change | None, float]:
+    """The other zero of one position by which the others tell most of a file, and the share that they leave then."""
+
+    def residuals(change: Change) -> Float[np.ndarray, " k"]:
+        return law.residuals(file.told_with(change)).ravel()
+
+    every = [change for change in (best_offset(zero, residuals) for zero in zeros) if change]
+    left = [law.left(file.told_with(change)) for change in every]
+    return (every[int(np.argmin(left))], min(left)) if every else (None, np.inf)
 
 
 def _tells(file: _File, change: Change) -> bool:
@@ -269,13 +314,19 @@ def _finding(name: str, answer: _Answer, pair: tuple[str, ...]) -> Finding:
     """What to say of a file."""
     like = f"{next(file for file in pair if file != name)} does" if name in pair else "the other recordings do"
     words = ", or ".join(change.words for change in answer.changes[:_NAMED])
+    mend = "Mend the file (`units` are those of all files)"
+    if answer.changes[0].kind == "zero":
+        mend = (
+            "Its sensor seems to have another zero there, or a constant force acts: home it, shift the file (`zeros` "
+            "are those of all files)"
+        )
     return Finding(
         kind=answer.changes[0].kind,
         level="warning",
         channel=answer.changes[0].column,
         text=f"{name} moves as {like} only if {words}: then these tell {1 - answer.left:.0%} of its accelerations, and "
         f"{f'{1 - answer.as_it_is:.0%}' if answer.as_it_is < 1 else 'nothing'} as it is",
-        advice="A model would learn the mean of both. Mend the file (`units` are those of all files), or leave it out.",
+        advice=f"A model would learn the mean of both. {mend}, or leave it out.",
     )
 
 

@@ -11,6 +11,7 @@ from symoden.data.description import Description
 from ._bumps import bumps_of
 from ._contradictions import find_contradictions
 from ._false_cyclic import find_false_cyclic
+from ._few_rows import find_few_rows
 from ._hold import find_other_hold
 from ._input_signs import find_input_signs
 from ._late_inputs import find_late_inputs
@@ -52,4 +53,5 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
         acting = [*find_other_hold(dataset, bumps, is_angle), *find_input_signs(dataset, description, bumps)]
     if bumps:
         places = find_false_cyclic(dataset, bumps, is_angle)
-    return Doubts([*late, *acting, *places], find_contradictions(dataset, is_angle, late=bool(late)))
+    few = find_few_rows(dataset, description, is_angle)
+    return Doubts([*late, *acting, *places, *few], find_contradictions(dataset, is_angle, late=bool(late)))

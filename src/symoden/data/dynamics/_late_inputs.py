@@ -50,7 +50,7 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     step = median_step(dataset.train)
     if step >= SLOW:  # The clock is doubted rather.
         return []
-    every = _shifts(step, min(delays))
+    every = delays_tried(step, min(delays))
     parts = bumps_of(dataset.train, is_angle, first=every[-1], last=-every[0], held=dataset.hold == "zero")
     if not parts:
         return []
@@ -65,8 +65,16 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     return [_finding(dataset, delays, float(every[best]), now=float(means[said]), then=float(means[best]))]
 
 
-def _shifts(step: float, told: float) -> Float[np.ndarray, " d"]:
-    """What to add to a delay [s], in order: what leads to none, to usual ones, and to what is near."""
+def delays_tried(step: float, told: float) -> Float[np.ndarray, " d"]:
+    """What to add to a delay, in order: what leads to none, to usual ones, and to what is near.
+
+    Args:
+        step: Usual step of the rows [s].
+        told: The delay that is told [s].
+
+    Returns:
+        What is added [s], the least first; 0 is among them.
+    """
     spacing, longest = max(step / 2, _FINEST), max(_LONGEST, _STEPS * step)
     sooner = max(_SOONER, 2 * step)
     usual = spacing * np.arange(np.ceil((-sooner - told) / spacing), (longest - told) / spacing)
