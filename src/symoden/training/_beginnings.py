@@ -3,22 +3,21 @@
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal, TypeGuard, final
+from typing import ClassVar, Literal, final
 
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from symoden.blocks import DIRECTIONS, FRICTION, Harmonics, Polynomial, silenced
+from symoden.blocks import DIRECTIONS, FRICTION, Correction, Harmonics, Polynomial, silenced
 from symoden.mechanics import AbstractDynamics
-from symoden.models import StructuredModel
+from symoden.models import StructuredModel, given_parts
 
 from ._flatten import freed
-from ._relevance import CLOSED, Relevance
+from ._levenberg_marquardt import CLOSED
+from ._relevance import Relevance
 from ._state import Incumbent, TrainingState
-
-_GONE: Final = 1e-6  # Weights that are closed; others are of the order of 1.
 
 
 class AbstractBeginning(abc.ABC):
@@ -175,15 +174,16 @@ class Uniform(AbstractBeginning):
     closes: ClassVar[bool] = True
 
     def has(self, model: AbstractDynamics) -> bool:
-        """Whether there is such a part.
+        """Whether there is such a part, which was not given.
 
         Args:
             model: Any model.
 
         Returns:
-            Whether it has weights of that kind.
+            Whether there is.
         """
-        return bool(self._weights(model))
+        name = {"inverse_mass": "mass_matrix", "potential": "potential_energy"}[self.part]
+        return bool(self._weights(model)) and name not in given_parts(model)
 
     def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
         """The model with a part that is constant."""
@@ -192,7 +192,11 @@ class Uniform(AbstractBeginning):
 
     def applies(self, state: TrainingState) -> bool:
         """Whether it is not closed yet."""
-        return any(np.any(np.abs(np.asarray(each)[1:]) > _GONE) for each in self._weights(state.best))
+        memory = state.memory
+        closed = isinstance(memory, Relevance) and all(
+            np.all(np.asarray(each)[1:] >= CLOSED) for each in self._weights(memory.precision)
+        )
+        return self.has(state.best) and not closed
 
     def priors(self, before: Relevance) -> Relevance:
         """The same, but what is closed stays so."""
@@ -200,21 +204,19 @@ class Uniform(AbstractBeginning):
 
     def _filled(self, model: PyTree, value: float) -> PyTree:
         """The model, or what has its structure, with one number in place of all weights but those of constants."""
-        if not self._weights(model):
-            return model
         return eqx.tree_at(self._weights, model, replace_fn=lambda weights: weights.at[1:].set(value))
 
     def _weights(self, model: PyTree) -> list:
         """Weights of the part, a row for each product or monomial, that of the constant first."""
         if not isinstance(model, StructuredModel):
             return []
-        parts = jax.tree.leaves(getattr(model, self.part), is_leaf=_is_made_of_products)
-        return [part.weights for part in parts if _is_made_of_products(part)]
+        parts = jax.tree.leaves(getattr(model, self.part), is_leaf=_is_a_start)
+        return [part.weights for part in parts if isinstance(part, Harmonics | Polynomial)]
 
 
-def _is_made_of_products(part: object) -> TypeGuard[Harmonics | Polynomial]:
-    """Whether a part of a block is what it starts from; corrections are asked for apart."""
-    return isinstance(part, Polynomial) or (isinstance(part, Harmonics) and not part.sliding)
+def _is_a_start(part: object) -> bool:
+    """Whether a part of a block is what it starts from, or a correction, which is asked for apart."""
+    return isinstance(part, Harmonics | Polynomial | Correction)
 
 
 @final

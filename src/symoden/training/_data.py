@@ -12,6 +12,7 @@ import numpy as np
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
+from symoden.blocks import count_parameters
 from symoden.data import (
     ADAM_WINDOWS,
     LEVENBERG_WINDOWS,
@@ -49,6 +50,7 @@ LONGER: Final = (2, 4)
 """Times as long as Levenberg-Marquardt's windows, the longer ones are."""
 HARDLY_ANY: Final = 4
 """Windows of validation whose verdict is hardly one."""
+_FEW_NUMBERS = 100  # Of one coordinate; a network in place of its blocks has thousands.
 _FEW = 12  # Of them; where few numbers are learned, windows left out in turn tell more.
 _BUMPS = WindowLength(1.0, 8)  # Of fewer steps the trapezoidal rule errs too much.
 _FEWEST = 20  # Of them, or they stay as they are.
@@ -91,12 +93,12 @@ class Data(NamedTuple):
         return self.validation is not None and self.validation.ts.shape[0] <= HARDLY_ANY
 
     def left_out_in_turn(self, dynamics: AbstractDynamics, few: int) -> "Data":
-        """The same, judged by windows left out in turn where few numbers are learned and few windows validate.
+        """The same, judged by windows left out in turn where few numbers are learned, and few windows validate.
 
         Ends of recordings mostly rest. Four windows of them refused all that 25 numbers of a robot description learned,
         and these took the loss in training from 0.05 to 0.004. Seven kept masses that were a hundred times too small,
-        for a training loss of 18000, where four steps later it was 1 (`benchmarks/`). More numbers than where M and V
-        are given, or one coordinate moves alone, would keep what windows have taught them that are left out.
+        for a training loss of 18000, where four steps later it was 1 (`benchmarks/`). More numbers would keep what
+        windows have taught them that are left out.
 
         Args:
             dynamics: Untrained model.
@@ -107,7 +109,8 @@ class Data(NamedTuple):
         """
         if self.validation is None or self.train.ts.shape[0] < _FEWEST_IN_TURN:
             return self
-        few_numbers = dynamics.space.size == 1 or energies_are_given(dynamics)
+        alone = dynamics.space.size == 1 and count_parameters(dynamics, corrections=0) <= _FEW_NUMBERS
+        few_numbers = alone or energies_are_given(dynamics)
         return self._replace(in_turn=few_numbers and self.validation.ts.shape[0] <= few)
 
     def validation_loss(self, model: AbstractDynamics, objective: AbstractObjective) -> float | None:

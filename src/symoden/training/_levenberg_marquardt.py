@@ -1,7 +1,7 @@
 """Second-order training: Levenberg-Marquardt on the residuals of all windows."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,9 @@ from ._flatten import Flattening
 from ._gauss_newton import Linearization, NormalEquations, Parameters
 from ._objective import AbstractObjective, Batch
 from ._residuals import mean_square
+
+CLOSED: Final = 1e20
+"""Precision of what stays zero, whatever the data say."""
 
 _SMALLEST_DAMPING = 1e-14
 _LARGEST_DAMPING = 1e8
@@ -114,7 +117,8 @@ def levenberg_marquardt_step(
     # A direction that the data do not determine has no scale of its own; the floor gives it one. What is pinned along
     # one must not be held in all others that its parameters have a part in.
     diagonal = np.diag(equations.matrix) + ridge
-    scale = diagonal + 1e-8 * max(float(diagonal.mean()), 1e-300)
+    opened = diagonal[np.broadcast_to(prior.precision, diagonal.shape) < CLOSED]
+    scale = diagonal + 1e-8 * max(float(opened.mean()), 1e-300)
     if pin is not None:
         equations = equations.pinned(pin, variance)
     theta = np.asarray(state.theta, float)

@@ -25,7 +25,7 @@ from ._relevance import Relevance, free_scale, remembered
 from ._residuals import evaluate_loss, integration_error
 from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage, Clock, never
 from ._state import Report, TrainingState
-from ._verdicts import LOST, Skipped, Verdict, by_rollouts, by_validation
+from ._verdicts import LOST, Skipped, Verdict, by_price, by_rollouts, by_validation
 from ._weak_form import WeakForm
 from ._weighing import Weighing
 
@@ -112,7 +112,8 @@ class LevenbergStage(AbstractStage):
         loss = state.best_loss
         explained = self.margin is not None and self._is_below(EXPLAINED, loss)
         if explained or self.begins.rivalled:  # In these windows, too?
-            loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.choosing)
+            held = cast(state.best, dtype) if self.begins.closes else best
+            loss = evaluate_loss(held, self.objective(state.substeps, weighing), self.data.choosing)
         if not self._needless(state._replace(best_loss=loss)):
             weighing, loss = self._weighed(best, state)
         fresh = Relevance.start(best, self.config.prior)
@@ -121,14 +122,14 @@ class LevenbergStage(AbstractStage):
             kept = self._free(best, state.best) if self.begins.untrained else freed(best)
             priors = priors.forgotten().narrowed(best, kept, self.corrections)
         priors = self.begins.priors(priors)
-        held = self.begins.incumbent(state)
-        before, rival = cast(held.model, dtype), cast(held.rival, dtype)
+        incumbent = self.begins.incumbent(state)
+        before, rival = cast(incumbent.model, dtype), cast(incumbent.rival, dtype)
         return state._replace(
             step=0,
             model=best,
             weighing=weighing,
             best=best,
-            incumbent=held._replace(model=before, memory=remembered(held.memory, fresh), rival=rival),
+            incumbent=incumbent._replace(model=before, memory=remembered(incumbent.memory, fresh), rival=rival),
             best_loss=loss,
             origin=state.stage,
             memory=priors,
@@ -325,6 +326,8 @@ class LevenbergStage(AbstractStage):
         if self.margin is None or self.data.validation is None:
             return None
         objective = self.objective(state.substeps, state.weighing)
+        if self.begins.closes and (dear := by_price(self.data, best, before, objective, wanted=self.margin)):
+            return dear
         if self._refits:
             ours = self._contender(state, best, self._free(best, before), state.memory)
             theirs = self._contender(state, before, freed(before), state.incumbent.memory)

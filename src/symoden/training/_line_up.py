@@ -195,10 +195,6 @@ def _asked(
 ) -> list[LevenbergStage]:
     """Corrections that are asked for one by one: of inertia, inputs and V; friction's laws, and directions.
 
-    Before them it is asked whether there is any V at all, as of a motor there is none, and whether M is the same
-    everywhere, as of a pendulum with a wheel: V takes up what friction does on the recordings that there are, M what
-    inputs do, and other recordings are predicted ten times worse (`benchmarks/`).
-
     Whether the inertia depends on lengths, and how inputs act from configuration to configuration comes first: an M or
     g that is constant where it must not be spoils all else. Of vehicles and carts M is the same wherever they are;
     where it might differ from place to place, they are never twice. In a regression, which is soon done, inputs that
@@ -234,37 +230,47 @@ def _asked(
     turns = has(ACTUATION) and not answered and fits(judged | DIRECTIONS | ACTUATION)
     bends = has(POTENTIAL) and fits(judged | DIRECTIONS | POTENTIAL)
     of = "regression: " if regression else ""
-    further = functools.partial(LevenbergStage, data, config, steps=config.growth_steps, frees=True, margin=CLEAR)
+    further = functools.partial(
+        LevenbergStage, data=data, config=config, steps=config.growth_steps, frees=True, margin=CLEAR
+    )
+    # A network keeps what windows have taught it that are left out.
+    bent = further if any(dynamics.space.is_angle) else functools.partial(further, data=data._replace(in_turn=False))
     judged_by = data.validation is not None  # Without, whatever is no gain in training would be kept.
     instead = rubs and bends and judged_by
-    closing = functools.partial(LevenbergStage, data, config, steps=config.growth_steps, margin=_leaner(data))
-    plain = [
-        (judged_by and config.growth_steps > 0, closing(of + name, begins=begins, unless=unless))
-        for name, begins, unless in (
-            ("no potential", Uniform("potential"), POTENTIAL),
-            ("constant inertia", Uniform("inverse_mass"), INERTIA),
-        )
-        if begins.has(dynamics)
-    ]
     asked = (
-        *plain,
-        (has(INERTIA) and fits(judged | DIRECTIONS | INERTIA), further(of + "inertia", corrections=INERTIA)),
-        (turns, further(of + "actuation", corrections=ACTUATION)),
-        (bends, further(of + "potential", corrections=POTENTIAL)),
-        (rubs, further(of + "friction", corrections=FRICTION, margin=CHANCE)),
-        (instead, further(of + "friction instead", corrections=FRICTION, begins=Without(POTENTIAL), margin=0.0)),
+        (has(INERTIA) and fits(judged | DIRECTIONS | INERTIA), further(name=of + "inertia", corrections=INERTIA)),
+        (turns, further(name=of + "actuation", corrections=ACTUATION)),
+        (bends, bent(name=of + "potential", corrections=POTENTIAL)),
+        (rubs, further(name=of + "friction", corrections=FRICTION, margin=CHANCE)),
+        (instead, further(name=of + "friction instead", corrections=FRICTION, begins=Without(POTENTIAL), margin=0.0)),
         (
             rubs and bends,
-            further(of + "potential and friction", corrections=POTENTIAL | FRICTION, unless=POTENTIAL),
+            bent(name=of + "potential and friction", corrections=POTENTIAL | FRICTION, unless=POTENTIAL),
         ),
-        (rubs and has(DIRECTIONS) and not answered, further(of + "directions", corrections=FRICTION | DIRECTIONS)),
+        (rubs and has(DIRECTIONS) and not answered, further(name=of + "directions", corrections=FRICTION | DIRECTIONS)),
     )
-    return [stage for sensible, stage in asked if sensible]
+    stages = [stage for sensible, stage in asked if sensible]
+    return stages if regression or not judged_by else [*stages, *_closings(dynamics, data, config)]
 
 
-def _leaner(data: Data) -> float:
-    """By how many standard errors a model of fewer numbers must be better: few windows must say that it is."""
-    return 0.0 if data.hardly_validated and not data.in_turn else -CHANCE
+def _closings(dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[LevenbergStage]:
+    """What can be done without: V as of a motor, and an M that depends on the configuration, as of a pendulum's wheel.
+
+    V takes up what friction does on the recordings that there are, M what inputs do, and recordings elsewhere are
+    predicted up to thirty times worse (`benchmarks/`). It is asked last, when what either may have stood for is there,
+    and by rollouts alone; where it was found that V has more to it, or M, there is no such question.
+
+    Returns:
+        The stages.
+    """
+    few = data.hardly_validated and not data.in_turn  # These must say that it is better.
+    stage = functools.partial(LevenbergStage, data, config, steps=config.lm_steps, margin=0.0 if few else -CHANCE)
+    asked = (
+        ("no potential", Uniform("potential"), POTENTIAL),
+        ("constant inertia", Uniform("inverse_mass"), INERTIA),
+    )
+    wanted = config.growth_steps > 0
+    return [stage(name, begins=begin, unless=kind) for name, begin, kind in asked if wanted and begin.has(dynamics)]
 
 
 def _laws(dynamics: AbstractDynamics, config: TrainingConfig) -> int:

@@ -17,9 +17,8 @@ from symoden.models import StructuredModel, parts_that_fix_the_scale
 
 from ._gauss_newton import NormalEquations
 from ._level import LEAST_WINDOWS, independent_variance, is_sound
+from ._levenberg_marquardt import CLOSED
 
-CLOSED: Final = 1e12
-"""Precision of what stays zero; no prior is learned for it."""
 _INNER: Final = 20
 _SETTLED: Final = 0.1  # Change of the evidence's logarithm that is none.
 _SILENT: Final = 1e-8  # Share of a group that the data determine, below which it is rounding.
@@ -159,7 +158,7 @@ class Relevance(NamedTuple):
         pull = squares @ theta - gradient
         before = np.bincount(groups, self.precisions(model, corrections)) / sizes
         held = np.concatenate([np.full(shape[:1] or 1, fixed) for shape, fixed in zip(shapes, given, strict=True)])
-        held |= before > _PRECISIONS[1]
+        held |= before >= CLOSED
         low, high = (np.clip(before * factor, *_PRECISIONS) for factor in (1 / _LARGEST_CHANGE, _LARGEST_CHANGE))
         # θ̂ is a linear forecast. Priors that outran θ itself would drag it along, whatever the data say.
         with np.errstate(divide="ignore", over="ignore"):

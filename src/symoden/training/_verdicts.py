@@ -25,6 +25,9 @@ CHANCE: Final = 1.0
 CLEAR: Final = 1.64
 """Once in twenty: for what few machines have, or is asked last: ask often, and chance says yes."""
 
+DEAR: Final = 1.25
+"""Loss over the one before, from which on what was closed is missing."""
+
 _FAR = 0.1  # Share of a loss that chance does not take it to, where so many and so large a share of windows say so.
 _FEW, _MOSTLY = 3, 0.75
 _LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
@@ -72,7 +75,7 @@ class Verdict(NamedTuple):
     def kept(self) -> bool:
         """Whether it is."""
         fits = self.fitted is None or self.fitted[0] < self.fitted[1]
-        return self.gained > self.wanted and not self._is_lost and fits
+        return self.gained > self.wanted and not self._is_lost and not self._is_dear and fits
 
     @property
     def hardly(self) -> bool:
@@ -89,6 +92,11 @@ class Verdict(NamedTuple):
         """Whether windows are lost whose standard errors tell little: few, or left out, where single ones go astray."""
         tell_little = self._by_few or self.by is Judge.LEFT_OUT
         return self.moved and tell_little and self.loss > (1 if self._alone else LOST) * self.before
+
+    @property
+    def _is_dear(self) -> bool:
+        """Whether what was closed is missing: in a single window, its standard error would not tell."""
+        return self.closes and self.loss > DEAR * self.before
 
     @property
     def _alone(self) -> bool:
@@ -116,6 +124,8 @@ class Verdict(NamedTuple):
     @property
     def _size(self) -> str:
         """How much it has gained, in words."""
+        if self._is_dear:
+            return f"more than {DEAR:g} times as much"
         if math.isinf(self.gained):
             if not math.isfinite(self.loss + self.before):
                 return f"rollouts diverge in {'fewer' if self.gained > 0 else 'no fewer'} windows"
@@ -199,6 +209,31 @@ def by_validation(
     by, chosen = (Judge.TRAINING if data.in_turn else Judge.VALIDATION), data.choosing  # By which steps were chosen.
     loss, other = (evaluate_loss(each, objective, chosen) for each in (last, before))
     return verdict._replace(by=by, loss=loss, before=other, windows=chosen.ts.shape[0], moved=False)
+
+
+def by_price(
+    data: Data,
+    model: AbstractDynamics,
+    before: AbstractDynamics,
+    objective: AbstractObjective,
+    *,
+    wanted: float,
+) -> Verdict | None:
+    """The verdict on a model of which something was closed that the training windows miss; none if they do not.
+
+    Args:
+        data: The windows.
+        model: The model.
+        before: The one before, with what was closed.
+        objective: What errors count.
+        wanted: By more than so many standard errors it would have to be better.
+
+    Returns:
+        The verdict, that it is not kept.
+    """
+    loss, other = (evaluate_loss(each, objective, data.train) for each in (model, before))
+    verdict = Verdict(Judge.TRAINING, loss, other, data.train.ts.shape[0], -math.inf, wanted, closes=True)
+    return None if loss <= DEAR * other else verdict
 
 
 def by_rollouts(data: Data, model: AbstractDynamics, before: AbstractDynamics) -> Verdict:
