@@ -103,7 +103,8 @@ def test_inputs_that_turn_are_asked_for_once_more_from_the_untrained_model_on(se
     stages = [stage for stage in line_up(dataset, model, (), config) if isinstance(stage, LevenbergStage)]
     names = [stage.name.removeprefix("regression: ") for stage in stages]
     asked = names.index("actuation anew")
-    assert names[:asked] == ["regression", "actuation", "friction", "directions", "relevance"]
+    closed = ["no potential", "constant inertia"]
+    assert names[:asked] == ["regression", "actuation", "friction", "directions", *closed, "relevance"]
     assert names[asked + 1] == "refit"
     stage = stages[asked]
     assert isinstance(stage.begins, Untrained)
@@ -272,8 +273,9 @@ def test_a_run_that_begins_with_it_and_is_stopped_after_every_stride_gives_the_s
         folder=tmp_path / "parts",
         progress=lambda now: stages.append(now.stage),
     )
-    order = ["regression", *(f"regression: {name}" for name in ("friction", "directions", "relevance", "refit"))]
-    assert list(dict.fromkeys(stages))[:6] == [*order, "levenberg-marquardt"]
+    names = ("friction", "directions", "no potential", "relevance", "refit")
+    order = ["regression", *(f"regression: {name}" for name in names)]
+    assert list(dict.fromkeys(stages))[:7] == [*order, "levenberg-marquardt"]
     assert part.completed
     assert eqx.tree_equal(part.model, whole.model)
 

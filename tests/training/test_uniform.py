@@ -228,3 +228,14 @@ def test_what_is_closed_stays_so_through_priors_that_are_learned_and_longer_wind
     assert "relevance" in result.verdicts
     for q in (-0.5, 0.2, 5.0):
         assert float(jax.grad(model.potential)(jnp.array([q]))[0]) == pytest.approx(0, abs=1e-8)
+
+
+@pytest.mark.parametrize("margin", [None, -1.0])
+def test_rollouts_have_all_open_that_a_regression_has_closed(stage, margin):
+    stage, state = stage
+    model = build(MODEL, Space.parse("T1"), 1, key=jax.random.key(0))
+    memory = Uniform("potential").priors(Relevance.start(model, 2.0))
+    began = dataclasses.replace(stage, margin=margin).start(state._replace(model=model, best=model, memory=memory))
+    closed = began.memory.precisions(model, 0) == CLOSED
+    np.testing.assert_array_equal(closed, (margin is not None) & (memory.precisions(model, 0) == CLOSED))
+    assert np.all(began.memory.precisions(model, 0)[~closed & (memory.precisions(model, 0) < CLOSED)] == 2.0)

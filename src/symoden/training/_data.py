@@ -97,8 +97,7 @@ class Data(NamedTuple):
 
         Ends of recordings mostly rest. Four windows of them refused all that 25 numbers of a robot description learned,
         and these took the loss in training from 0.05 to 0.004. Seven kept masses that were a hundred times too small,
-        for a training loss of 18000, where four steps later it was 1 (`benchmarks/`). More numbers would keep what
-        windows have taught them that are left out.
+        for a training loss of 18000 (`benchmarks/`). More numbers keep what windows taught them that are left out.
 
         Args:
             dynamics: Untrained model.

@@ -118,6 +118,7 @@ class LevenbergStage(AbstractStage):
             weighing, loss = self._weighed(best, state)
         fresh = Relevance.start(best, self.config.prior)
         priors = fresh if self.widens else remembered(state.memory, fresh)
+        priors = priors.opened(self.config.prior) if self.margin is None else priors
         if self.learns:  # Beside the residuals of these windows.
             kept = self._free(best, state.best) if self.begins.untrained else freed(best)
             priors = priors.forgotten().narrowed(best, kept, self.corrections)

@@ -250,27 +250,30 @@ def _asked(
         (rubs and has(DIRECTIONS) and not answered, further(name=of + "directions", corrections=FRICTION | DIRECTIONS)),
     )
     stages = [stage for sensible, stage in asked if sensible]
-    return stages if regression or not judged_by else [*stages, *_closings(dynamics, data, config)]
+    return [*stages, *_closings(dynamics, data, config, of)] if judged_by else stages
 
 
-def _closings(dynamics: AbstractDynamics, data: Data, config: TrainingConfig) -> list[LevenbergStage]:
+def _closings(dynamics: AbstractDynamics, data: Data, config: TrainingConfig, of: str) -> list[LevenbergStage]:
     """What can be done without: V as of a motor, and an M that depends on the configuration, as of a pendulum's wheel.
 
     V takes up what friction does on the recordings that there are, M what inputs do, and recordings elsewhere are
-    predicted up to thirty times worse (`benchmarks/`). It is asked last, when what either may have stood for is there,
-    and by rollouts alone; where it was found that V has more to it, or M, there is no such question.
+    predicted up to thirty times worse (`benchmarks/`). It is asked last, when what either may have stood for is there;
+    where it was found that V has more to it, or M, there is no such question. A regression finds a constant M where
+    rollouts, from one that is bent, do not; these have the last word, with all of it open.
 
     Returns:
         The stages.
     """
     few = data.hardly_validated and not data.in_turn  # These must say that it is better.
-    stage = functools.partial(LevenbergStage, data, config, steps=config.lm_steps, margin=0.0 if few else -CHANCE)
+    stage = functools.partial(LevenbergStage, data, config, steps=config.growth_steps, margin=0.0 if few else -CHANCE)
     asked = (
         ("no potential", Uniform("potential"), POTENTIAL),
         ("constant inertia", Uniform("inverse_mass"), INERTIA),
     )
     wanted = config.growth_steps > 0
-    return [stage(name, begins=begin, unless=kind) for name, begin, kind in asked if wanted and begin.has(dynamics)]
+    return [
+        stage(of + name, begins=begin, unless=kind) for name, begin, kind in asked if wanted and begin.has(dynamics)
+    ]
 
 
 def _laws(dynamics: AbstractDynamics, config: TrainingConfig) -> int:

@@ -73,6 +73,17 @@ class Relevance(NamedTuple):
         """The same priors where nothing is known of the residuals either."""
         return self.unrecorded()._replace(variance=jnp.zeros((), float))
 
+    def opened(self, prior: float) -> "Relevance":
+        """The same priors, but what was closed is open again.
+
+        Args:
+            prior: Its precision.
+
+        Returns:
+            The priors.
+        """
+        return self._replace(precision=jax.tree.map(lambda x: jnp.where(x >= CLOSED, prior, x), self.precision))
+
     def narrowed(self, model: PyTree, kept: int, corrections: int) -> "Relevance":
         """The same priors, but narrow ones for corrections that validation saw no need of.
 
