@@ -20,7 +20,7 @@ def parted(folder, *logs, rows=("", "")):
 def test_a_copy_of_which_other_rows_are_read_is_named_with_both_files(tmp_path, rows):
     path = parted(tmp_path, arm(), arm(), rows=rows)
     assert found(path) == [("copy", "warning", "")]
-    (finding,) = check_dataset(path).findings
+    (finding,) = [each for each in check_dataset(path).findings if each.kind != "few"]
     assert str(tmp_path / "run0.csv") in finding.text
     assert str(tmp_path / "run1.csv") in finding.text
     with pytest.warns(DataWarning, match=r"\[test\] has rows of \[train\], equal number by number: .*run1.csv` from"):
