@@ -220,7 +220,7 @@ def test_files_of_one_name_are_told_apart_by_their_folders(tmp_path):
         (("/js/hip/position", "/js/hip/effort"), ("position", "effort")),
         (("a/q", "b/q"), ("a", "b")),
         (("q", "u"), ("q", "u")),
-        (("x [m/s]", "u [N/A]"), ("x [m/s]", "u [N/A]")),
+        (("x (l/r)", "u [N/A]"), ("x (l/r)", "u [N/A]")),
         (("run/q", "u"), ("run/q", "u")),
     ],
 )

@@ -102,7 +102,8 @@ def test_cogging_and_dry_friction_are_found_together(cogging, driven, second_ord
     model = replace(MODEL, potential=BlockConfig(hidden=(3,), harmonics=True), knees=(0.1,))
     result = fit(dataset, model=model, config=replace(second_order, growth_steps=20))
     kept = [name for name, verdict in result.verdicts.items() if verdict.startswith("kept")]
-    assert kept == ["friction", *(["potential and friction"] if cogging else [])]
+    found = [["potential", "friction"], ["friction", "potential and friction"]] if cogging else [["friction"]]
+    assert kept in found
     assert freed(result.model) == FRICTION | (POTENTIAL if cogging else 0)
     assert worst(result.model, slope, [-2.0], [2.0]) < 0.1
 
