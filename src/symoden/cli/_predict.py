@@ -53,9 +53,9 @@ def run(command: Predict) -> None:
         arrays, told = arrays | more, {"bands": said if bands is not None else {"unavailable": missing}}
     save_npz(command.out, arrays)
     outside = _outside(config, every, predictions)
-    _name_outside(
-        outside, {name: _farthest(config, every[name], each) for name, each in zip(every, predictions, strict=True)}
-    )
+    for (name, recording), prediction in zip(every.items(), predictions, strict=True):
+        if outside[name] > _MANY:
+            _name_outside(name, outside[name], _farthest(config, recording, prediction))
     if command.general.json:
         print_json(
             {
@@ -138,13 +138,11 @@ def _farthest(config: RunConfig, recording: Trajectory, prediction: Prediction) 
     return f": farthest {what}, {where} from {here}, in training from {training}"
 
 
-def _name_outside(outside: dict[str, float], farthest: dict[str, str]) -> None:
-    """Say on standard error where the model extrapolates."""
-    for name, share in outside.items():
-        if share > _MANY:
-            print(
-                f"warning: `{name}` lies outside of what training saw for {share:.0%} of its samples, recorded or "
-                f"predicted{farthest[name]}. There the model extrapolates."
-                + ("" if name.startswith("train:") else " Train on data that reach as far."),
-                file=sys.stderr,
-            )
+def _name_outside(name: str, share: float, farthest: str) -> None:
+    """Say on standard error that the model extrapolates on so large a share of a recording, and where farthest."""
+    print(
+        f"warning: `{name}` lies outside of what training saw for {share:.0%} of its samples, recorded or "
+        f"predicted{farthest}. There the model extrapolates."
+        + ("" if name.startswith("train:") else " Train on data that reach as far."),
+        file=sys.stderr,
+    )

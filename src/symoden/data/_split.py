@@ -109,9 +109,7 @@ def halves(trajectories: Sequence[Trajectory]) -> tuple[tuple[Trajectory, ...], 
     Returns:
         Those of either side, in the order of before; a single one leaves a side empty.
     """
-    whole: dict[str, list[int]] = {}
-    for k, trajectory in enumerate(trajectories):
-        whole.setdefault(trajectory.name.split("#")[0], []).append(k)
+    whole = pieces_of(trajectories)
     samples = {name: sum(len(trajectories[k]) for k in pieces) for name, pieces in whole.items()}
     sides, held, last = ([], []), [0, 0], 0
     for name in sorted(samples, key=lambda name: -samples[name]):
@@ -135,6 +133,21 @@ def validates_by_ends(dataset: Dataset) -> bool:
         Whether they are.
     """
     return any(_TAIL in trajectory.name for trajectory in dataset.validation)
+
+
+def pieces_of(trajectories: Sequence[Trajectory]) -> dict[str, list[int]]:
+    """Group recordings by the log that they are pieces of.
+
+    Args:
+        trajectories: Recordings; those whose names differ in what follows `#` alone are pieces of one.
+
+    Returns:
+        By the log's name, indices of its pieces.
+    """
+    whole: dict[str, list[int]] = {}
+    for k, trajectory in enumerate(trajectories):
+        whole.setdefault(trajectory.name.split("#")[0], []).append(k)
+    return whole
 
 
 def whole_name(name: str) -> str:

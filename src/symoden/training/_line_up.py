@@ -264,16 +264,15 @@ def _closings(dynamics: AbstractDynamics, data: Data, config: TrainingConfig, of
     Returns:
         The stages.
     """
+    if not config.growth_steps:
+        return []
     few = data.hardly_validated and not data.in_turn  # These must say that it is better.
     stage = functools.partial(LevenbergStage, data, config, steps=config.growth_steps, margin=0.0 if few else -CHANCE)
     asked = (
         ("no potential", Uniform("potential"), POTENTIAL),
         ("constant inertia", Uniform("inverse_mass"), INERTIA),
     )
-    wanted = config.growth_steps > 0
-    return [
-        stage(of + name, begins=begin, unless=kind) for name, begin, kind in asked if wanted and begin.has(dynamics)
-    ]
+    return [stage(of + name, begins=begin, unless=kind) for name, begin, kind in asked if begin.has(dynamics)]
 
 
 def _laws(dynamics: AbstractDynamics, config: TrainingConfig) -> int:

@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
+from symoden.data._split import pieces_of
 from symoden.wording import first_few
 
 _ENDS: Final = 2  # First and last rows of a file, in which inputs are switched on and off.
@@ -67,10 +68,8 @@ def _finding(names: list[str], ways: int, *, told: bool) -> Finding:
 
 def _files(dataset: Dataset) -> list[Float[np.ndarray, "T m"]]:
     """Inputs of each training file, whose recordings may be pieces, without its first and last rows."""
-    pieces: dict[str, list[np.ndarray]] = {}
-    for each in dataset.train if dataset.inputs else ():
-        pieces.setdefault(each.name.split("#")[0], []).append(each.us)
-    every = [np.concatenate(us)[_ENDS:-_ENDS] for us in pieces.values()]
+    logs = pieces_of(dataset.train).values() if dataset.inputs else ()
+    every = [np.concatenate([dataset.train[k].us for k in pieces])[_ENDS:-_ENDS] for pieces in logs]
     return [us for us in every if len(us)]
 
 

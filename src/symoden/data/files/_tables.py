@@ -110,7 +110,8 @@ def _why_surplus(body: str, layout: Layout, count: int) -> str:
     """Why a line may have so many cells, and what to do: if names are missing, each of the first lines has as many."""
     first = [line for line in itertools.islice(body.split("\n"), _FIRST) if line.strip()]
     comma = layout.separator == ","
-    if all(layout.count(line) == count for line in first) and not (comma and not any("." in line for line in first)):
+    tells_numbers = not comma or any("." in line for line in first)  # Else commas may be decimal marks.
+    if tells_numbers and all(layout.count(line) == count for line in first):
         return (
             f" Names seem to be missing: write one for each of the {count} columns into the line of names, or delete "
             f"that line; then columns are called 1 to {count}."
