@@ -274,8 +274,8 @@ class Control:
             reaction wheel; of a simulated machine it is upright.
         method: How: energy-shaping, energy-shaping+lqr, ida-pbc, controlled-lagrangian, swing-up, tracking or lqr.
         max_input: Largest magnitude of every input, or of each [N or N m].
-        noise: Standard deviation of the noise on every measured coordinate and velocity; a Kalman filter on the model
-            then stands before the controller.
+        noise: Standard deviation of the noise on every measured coordinate and velocity; an extended Kalman filter on
+            the model then stands before the controller.
         period: Control period [s].
         delay: Time from a measurement to its input [s]; the filter then looks ahead.
         duration: Length of an episode [s].
@@ -289,7 +289,7 @@ class Control:
     run: RunFolder
     env: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(default: the run's task, or its model)")] = None
     target: Annotated[
-        tuple[float | Literal["-"], ...], arg(metavar="Q [Q ...]", help_behavior_hint="(default: upright)")
+        tuple[float | Literal["-"], ...], arg(metavar="Q [Q ...]", help_behavior_hint="(default: upright; of the learned model it must be given)")
     ] = ()
     method: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: what suits the system)")] = None
     max_input: Annotated[
