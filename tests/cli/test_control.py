@@ -13,7 +13,7 @@ from PIL import Image
 
 from symoden.cli import _checks, _control, main
 from symoden.cli._control import beyond_data, hardly_moves
-from symoden.control import METHODS
+from symoden.control import METHODS, Compiled, load_controller
 from symoden.evaluation import Ranges
 from symoden.experiments import (
     RunConfig,
@@ -87,6 +87,18 @@ def test_json_tells_how_the_episodes_went(near_pendulum, tmp_path, capsys):
         assert getattr(film, "n_frames", 1) > 10
 
 
+def test_what_was_tried_can_be_kept(near_pendulum, tmp_path, capsys):
+    path = tmp_path / "top.safetensors"
+    assert main(["control", str(near_pendulum), *QUICK, "--out", str(path)]) == 0
+    assert f"controller: {path}" in capsys.readouterr().out
+    controller = load_controller(path)
+    near, far = Compiled(controller)(np.zeros(1), np.zeros(1)), Compiled(controller)(np.array([3.0]), np.ones(1))
+    assert np.abs(near).item() < 1e-9
+    assert 0.1 < np.abs(far).item() <= 15.0
+    assert main(["control", str(near_pendulum), *QUICK, "--out", str(near_pendulum / "model.safetensors")]) == 2
+    assert "must not lie in the run's own folder" in capsys.readouterr().err
+
+
 def test_people_get_a_table(near_pendulum, capsys):
     assert main(["control", str(near_pendulum), *QUICK, "--noise", "0.01", "--delay", "0.03"]) == 0
     printed = capsys.readouterr()
@@ -144,6 +156,8 @@ def test_ida_pbc_tells_what_remains_unmatched(near_cart_pole, capsys):
         (["--env", "symoden/DampedAcrobot-v0"], "The model has the space T1 and 1 inputs"),
         (["--video", "a.mp4"], "`--video` must end in .gif"),
         (["--figure", "a.gif"], "`--figure` must end in one of"),
+        (["--out", "a.npz"], "`--out` must end in .safetensors; got `a.npz`"),
+        (["--out", "a.safetensors", "--method", "tracking"], "`--out` cannot hold a tracking controller"),
         (["--episodes", "0"], "`--episodes` must be at least 1"),
         (["--max-input", "-1"], "`--max-input` must be positive"),
         (["--max-input", "3", "--method", "energy-shaping"], "must exceed the static load"),

@@ -281,6 +281,7 @@ class Control:
         duration: Length of an episode [s].
         episodes: Number of episodes.
         seed: Seed of initial states and noise.
+        out: File to write the controller to, which Python reads with symoden.control.load_controller.
         figure: Picture of angles, inputs and desired energy: PNG, PDF or SVG.
         video: Animation of the episode of median settling time.
         general: How to report.
@@ -289,7 +290,8 @@ class Control:
     run: RunFolder
     env: Annotated[str | None, arg(metavar="ID", help_behavior_hint="(default: the run's task, or its model)")] = None
     target: Annotated[
-        tuple[float | Literal["-"], ...], arg(metavar="Q [Q ...]", help_behavior_hint="(default: upright; of the learned model it must be given)")
+        tuple[float | Literal["-"], ...],
+        arg(metavar="Q [Q ...]", help_behavior_hint="(default: upright; of the learned model it must be given)"),
     ] = ()
     method: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="(default: what suits the system)")] = None
     max_input: Annotated[
@@ -302,6 +304,7 @@ class Control:
     duration: Annotated[float, arg(metavar="T")] = 15.0
     episodes: Annotated[int, arg(metavar="N")] = 100
     seed: int = 0
+    out: Annotated[Path | None, arg(metavar="FILE.safetensors", help_behavior_hint="(default: none)")] = None
     figure: Figure = None
     video: Annotated[Path | None, arg(metavar="FILE.gif", help_behavior_hint="(default: none)")] = None
     general: General = field(default_factory=General)

@@ -43,7 +43,23 @@ def check_control(command: Control) -> None:
         )
     if not (0 <= command.noise < math.inf and 0 <= command.delay < math.inf):
         raise ValueError(f"`--noise` and `--delay` must be at least 0; got {command.noise} and {command.delay}.")
+    _check_out(command)
     _check_machine(command)
+
+
+def _check_out(command: Control) -> None:
+    """Refuse a file that the controller cannot be written to."""
+    if command.out is None:
+        return
+    if command.out.suffix.lower() != ".safetensors":
+        raise ValueError(f"`--out` must end in .safetensors; got `{command.out}`.")
+    if command.out.resolve().parent == command.run.resolve():
+        raise ValueError(f"`--out` must not lie in the run's own folder; got `{command.out}`. Choose another one.")
+    if command.method == "tracking":
+        raise ValueError(
+            "`--out` cannot hold a tracking controller: the motion that it follows is a function of yours. Make it "
+            'in Python: `symoden.design(model, target, method="tracking", reference=…)`.'
+        )
 
 
 def _check_machine(command: Control) -> None:

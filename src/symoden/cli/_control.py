@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from symoden.blocks import without_silent
-from symoden.control import Loop, Method, Tolerance, has_height, indifferent, input_limits
+from symoden.control import Loop, Method, Tolerance, has_height, indifferent, input_limits, save_controller
 from symoden.experiments import (
     ControlConfig,
     ControlResult,
@@ -63,6 +63,8 @@ def run(command: Control) -> None:
     else:
         machine = machine_of(config.source, command.env, space=config.data.space)
     result = try_control(without_silent(model), machine, settings, plants=plants, tell=_tell)
+    if command.out is not None:
+        save_controller(command.out, result.controller)
     outside = outside_data(result, config.data.ranges)
     if command.figure is not None:
         _draw(result, config, command.figure)
@@ -72,7 +74,7 @@ def run(command: Control) -> None:
         print_json(_as_json(result, settings, outside, command))
     else:
         _print(result, settings, outside, _coordinates(result, config))
-        for what, path in (("figure", command.figure), ("animation", command.video)):
+        for what, path in (("controller", command.out), ("figure", command.figure), ("animation", command.video)):
             if path is not None:
                 print(f"{what}: {path}")
 
@@ -281,6 +283,7 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
         "starts": {key: part.tolist() for key, part in result.starts._asdict().items()},
         "held_by_friction": 0 if result.stuck is None else int(result.stuck.held.sum()),
         "matching": None if result.matching is None else result.matching._asdict(),
+        "out": None if command.out is None else str(command.out),
         "figure": None if command.figure is None else str(command.figure),
         "video": None if command.video is None else str(command.video),
     }

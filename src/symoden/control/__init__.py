@@ -20,6 +20,7 @@ from ._design import (
     lowest as lowest,
     silent as silent,
 )
+from ._files import load_controller as load_controller, save_controller as save_controller
 from ._follower import Follower as Follower
 from ._free import indifferent as indifferent
 from ._handover import Handover as Handover
@@ -84,10 +85,12 @@ __all__ = [
     "input_limits",
     "judge",
     "linearize",
+    "load_controller",
     "lowest",
     "plan_motion",
     "rates_of",
     "run_episodes",
     "run_in_turn",
+    "save_controller",
     "silent",
 ]

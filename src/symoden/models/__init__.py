@@ -4,7 +4,7 @@ from ._baselines import GeometricModel as GeometricModel, NaiveModel as NaiveMod
 from ._build import awaken as awaken, build as build
 from ._config import KINDS as KINDS, BlockConfig as BlockConfig, Kind as Kind, ModelConfig as ModelConfig
 from ._embedded import embedded_vector_field as embedded_vector_field
-from ._files import check_savable as check_savable, load as load, save as save
+from ._files import MODULES as MODULES, check_savable as check_savable, load as load, save as save
 from ._gauge import rescale as rescale
 from ._given import (
     Given as Given,
@@ -21,11 +21,14 @@ from ._known_data import (
 from ._lagrangian import Lagrangian as Lagrangian, Tangent as Tangent, lagrangian as lagrangian, pull_back as pull_back
 from ._scales import Scales as Scales
 from ._structured import StructuredModel as StructuredModel
+from ._trees import FileFormat as FileFormat
 from ._unstructured import UnstructuredModel as UnstructuredModel
 
 __all__ = [
     "KINDS",
+    "MODULES",
     "BlockConfig",
+    "FileFormat",
     "GeometricModel",
     "Given",
     "Kind",

@@ -1,8 +1,7 @@
-"""Model files: safetensors whose metadata hold the structure, so that loading rebuilds a model without running code."""
+"""Model files."""
 
-import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import Final
 
 import equinox as eqx
 import jax
@@ -12,14 +11,14 @@ import numpy as np
 from symoden import blocks
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
-from symoden.storage import StorageError, load_arrays, save_arrays
+from symoden.storage import StorageError
 
 from ._baselines import GeometricModel, NaiveModel
 from ._structured import StructuredModel
+from ._trees import FileFormat
 from ._unstructured import UnstructuredModel
 
-_FORMAT = "symoden-model-1"
-_MODULES: dict[str, type[eqx.Module]] = {
+MODULES: Final[dict[str, type[eqx.Module]]] = {
     module.__name__: module
     for module in (
         Space,
@@ -58,8 +57,14 @@ _MODULES: dict[str, type[eqx.Module]] = {
         blocks.Congruence,
     )
 }
+"""Classes that a model file may be made of, by name."""
 
-_LADDER = {1: blocks.FRICTION, 2: blocks.DIRECTIONS}  # Rungs that corrections but networks had in older files.
+_FORMAT: Final = FileFormat(
+    "symoden-model-1",
+    "model",
+    MODULES,
+    "Give known parts as formulas, or save the weights of the learned blocks and compose the model after loading.",
+)
 
 
 def save(path: Path | str, model: AbstractDynamics) -> None:
@@ -83,9 +88,7 @@ def save(path: Path | str, model: AbstractDynamics) -> None:
         >>> bool(eqx.tree_equal(model, copy))
         True
     """
-    arrays: dict[str, np.ndarray] = {}
-    structure = _describe(model, "model", arrays)
-    save_arrays(path, arrays, {"format": _FORMAT, "structure": structure})
+    _FORMAT.write(path, model)
 
 
 def check_savable(model: AbstractDynamics) -> None:
@@ -97,7 +100,7 @@ def check_savable(model: AbstractDynamics) -> None:
     Raises:
         StorageError: If it contains code or foreign classes.
     """
-    _describe(model, "model", {})
+    _FORMAT.check(model)
 
 
 def load(path: Path | str) -> AbstractDynamics:
@@ -112,63 +115,16 @@ def load(path: Path | str) -> AbstractDynamics:
     Raises:
         StorageError: If the file is absent, damaged, or describes no model.
     """
-    arrays, metadata = load_arrays(path)
-    if metadata.get("format") != _FORMAT:
-        raise StorageError(f"`{path}` must be a model file of format {_FORMAT}; got {metadata.get('format')!r}.")
-    if not all(np.isfinite(array).all() for array in arrays.values()):
+    model = _FORMAT.read(path, _try_out)
+    if not all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(eqx.filter(model, eqx.is_array))):
         raise StorageError(f"`{path}` must have finite weights; some are NaN or infinite. Retrain the model.")
-    try:
-        model = _restore(metadata["structure"], arrays)
-        if not isinstance(model, AbstractDynamics):
-            raise StorageError(f"the structure is a {type(model).__name__}, not a model")
-        _try_out(model)
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:
-        raise StorageError(
-            f"`{path}` must describe a model of this version; {error}. Retrain or convert it."
-        ) from error
     return model
 
 
-def _describe(node: object, path: str, arrays: dict[str, np.ndarray]) -> Any:  # noqa: ANN401 - JSON
-    """Structure of a tree as JSON, its arrays being collected by their path."""
-    if isinstance(node, eqx.Module) and _MODULES.get(type(node).__name__) is type(node):
-        fields = {
-            f.name: _describe(getattr(node, f.name), f"{path}.{f.name}", arrays)
-            for f in dataclasses.fields(node)
-            if f.init  # The others follow from these: a formula's text is kept, and read again.
-        }
-        return {"module": type(node).__name__, "fields": fields}
-    if isinstance(node, tuple):
-        return [_describe(item, f"{path}.{i}", arrays) for i, item in enumerate(node)]
-    if eqx.is_array(node):
-        arrays[path] = np.asarray(node)
-        return {"array": path}
-    if node is None or isinstance(node, bool | int | float | str):
-        return node
-    raise StorageError(
-        f"`{path}` must be data to be saved; got {type(node).__name__}, which is code. "
-        "Give known parts as formulas, or save the weights of the learned blocks and compose the model after loading."
-    )
-
-
-def _restore(description: Any, arrays: dict[str, np.ndarray]) -> Any:  # noqa: ANN401 - JSON
-    """Tree of a structure; only the classes of this library are ever built."""
-    if isinstance(description, list):
-        return tuple(_restore(item, arrays) for item in description)
-    if not isinstance(description, dict):
-        return description
-    if "array" in description:
-        return jnp.asarray(arrays[description["array"]])
-    module = _MODULES[description["module"]]
-    fields = {name: _restore(value, arrays) for name, value in description["fields"].items()}
-    if "rung" in fields:
-        rung = fields.pop("rung")
-        fields["kind"] = blocks.NETWORKS if isinstance(fields["function"], blocks.Network) else _LADDER[rung]
-    return module(**fields)
-
-
-def _try_out(model: AbstractDynamics) -> None:
+def _try_out(model: object) -> None:
     """Trace one derivative, which fails where shapes do not fit together."""
+    if not isinstance(model, AbstractDynamics):
+        raise TypeError(f"the structure is a {type(model).__name__}, not a model")
     n, m = model.space.size, model.inputs
     dtype = jnp.result_type(*jax.tree.leaves(eqx.filter(model, eqx.is_inexact_array)))
     rates, u = jax.ShapeDtypeStruct((n,), dtype), jax.ShapeDtypeStruct((m,), dtype)
