@@ -83,6 +83,22 @@ def test_scoring_starts_after_the_initial_samples():
     assert score.rollout_rmse == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-9)
 
 
+def test_every_window_is_compared_with_its_own_motion():
+    """Rows at two rates: rollouts are made in groups of like lengths, which is not the order of the windows."""
+    slow, fast = 0.05 * np.arange(1, 41), 0.01 * np.arange(1, 201)
+    ts = np.concatenate([[0.0], slow, 2.0 + fast, 4.0 + slow])
+    q, rates = (np.exp(-ts / 3) * np.sin(3 * ts))[:, None], np.zeros((len(ts), 1))
+    recording = Trajectory(name="uneven", ts=ts, q=q, rates=rates, us=np.zeros((len(ts), 1)))
+    (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(4))
+    edges = list(short_windows(recording, horizon_of(Dataset(name="d", space="T1", train=(recording,)))))
+    ways = [recording.q[start + 1 : stop] - recording.q[start] for start, stop in edges]
+    moved = np.array([np.sqrt(np.mean(way**2)) for way in ways])
+    errors = np.array([np.sqrt(np.mean(written_out(Pendulum(), recording, *each)[1:] ** 2)) for each in edges])
+    weights = np.maximum(moved, np.minimum(errors, moved.max()))
+    middle = [float(np.quantile(each, 0.5, weights=weights, method="inverted_cdf")) for each in (errors, moved)]
+    assert [score.in_motion.error, score.in_motion.motion] == pytest.approx(middle, rel=1e-9)
+
+
 def test_windows_at_rest_do_not_hide_what_motion_is_predicted_like():
     ts = 0.05 * np.arange(201)
     late = np.maximum(ts - 7.9, 0.0)

@@ -112,17 +112,18 @@ def score_recordings(
     horizon = horizon_of(dataset)
     windows = [(i, *edges) for i, each in enumerate(recordings) for edges in short_windows(each, horizon)]
     stretches = [Stretch(trajectory=recordings[i], start=start, stop=stop) for i, start, stop in windows]
+    rolled = paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver)  # Not in their order.
+    errors = {k: _mean_squares(path.q[1:], stretches[k].q[1:]) for k, path in rolled}
     rmse: list[list[np.ndarray]] = [[] for _ in recordings]
     moved: list[list[np.ndarray]] = [[] for _ in recordings]
     coasted: list[list[float]] = [[] for _ in recordings]
-    for i, start, stop in windows:
+    for k, (i, start, stop) in enumerate(windows):
         recording, later = recordings[i], slice(start + 1, stop)
         way = recording.q[later] - recording.q[start]
+        rmse[i].append(errors[k])
         moved[i].append(np.mean(way**2, axis=0))
         coast = recording.rates[start] * (recording.ts[later] - recording.ts[start])[:, None]
         coasted[i].append(np.nan if dataset.momenta else float(np.mean((way - coast) ** 2)))
-    for k, path in paths(model, stretches, hold=HOLDS[dataset.hold], solver=solver):
-        rmse[windows[k][0]].append(_mean_squares(path.q[1:], stretches[k].q[1:]))
     whole = predict(model, recordings, hold=dataset.hold, solver=solver)
     ranges = _ranges(dataset)
     return tuple(
