@@ -202,6 +202,8 @@ SCALES = [
     (KnownParts(**ONE_MASS, input_matrix=[["m"], [0]]), ()),
     (KnownParts(**ONE_MASS, input_matrix=[["m**2"], [0]]), ("potential_energy", "input_matrix")),
     (KnownParts(potential_energy=0, input_matrix=[[0], [0]]), ()),
+    (KnownParts(potential_energy="2*sqrt(q1)"), ("potential_energy",)),  # Not a number where q1 is below zero.
+    (KnownParts(potential_energy="k*sqrt(q1)", parameters={"k": 1.0}), ()),
 ]
 
 

@@ -150,7 +150,10 @@ def _value_and_slopes(
 
 def _is_fixed(found: Sequence[tuple[Array, Array]]) -> bool:
     """Whether no change of the parameters does what a common factor does."""
-    parts = [(np.asarray(value), np.asarray(slopes)) for value, slopes in found]
+    parts = []
+    for value, slopes in ((np.asarray(value), np.asarray(slopes)) for value, slopes in found):
+        told = np.isfinite(value) & np.isfinite(slopes).all(axis=1)  # A formula may have a root or a logarithm.
+        parts.append((value[told], slopes[told]))
     values = np.concatenate([value / (np.linalg.norm(value) or 1) for value, _ in parts])
     slopes = np.concatenate([slope / (np.linalg.norm(value) or 1) for value, slope in parts])
     left = values - slopes @ np.linalg.lstsq(slopes, values, rcond=1e-6)[0] if slopes.shape[1] else values
