@@ -84,8 +84,11 @@ def test_free_motion_has_no_controller():
         learned_machine(free, [0.0], dataclasses.replace(RANGES, inputs=()))
 
 
-def test_a_model_without_energy_that_was_told_momenta_is_tried_too():
-    naive = build(ModelConfig(kind="naive", flow=(4,)), Space.parse("T1"), 1, momenta=True, key=jax.random.key(0))
+def test_a_model_without_energy_is_tried_too_unless_it_was_told_momenta():
+    told = build(ModelConfig(kind="naive", flow=(4,)), Space.parse("T1"), 1, momenta=True, key=jax.random.key(0))
+    with pytest.raises(ValueError, match=r"A model of momenta must have an inertia, .* NaiveModel has none"):
+        try_control(told, learned_machine(told, [0.0], RANGES), CONFIG)
+    naive = build(ModelConfig(kind="naive", flow=(4,)), Space.parse("T1"), 1, key=jax.random.key(0))
     config = dataclasses.replace(CONFIG, episodes=2)
     result = try_control(naive, learned_machine(naive, [0.0], RANGES), config)
     assert result.method == "lqr"

@@ -118,10 +118,13 @@ def rates_of(dynamics: AbstractDynamics, q: Coordinates, v: Velocities) -> Veloc
 
     Returns:
         The rates.
+
+    Raises:
+        ValueError: If they are momenta of a model that has no M to tell velocities by.
     """
-    if dynamics.momenta and isinstance(dynamics, AbstractPortHamiltonian):
-        return dynamics.mass_matrix(q) @ v
-    return v
+    if not dynamics.momenta:
+        return v
+    return _of_momenta(dynamics).mass_matrix(q) @ v
 
 
 def velocities_of(dynamics: AbstractDynamics, state: jax.Array) -> tuple[Coordinates, Velocities]:
@@ -133,8 +136,19 @@ def velocities_of(dynamics: AbstractDynamics, state: jax.Array) -> tuple[Coordin
 
     Returns:
         q and v.
+
+    Raises:
+        ValueError: If the state has momenta, of a model that has no M to tell velocities by.
     """
     q, rates = dynamics.decode(state)
-    if dynamics.momenta and isinstance(dynamics, AbstractPortHamiltonian):
-        return q, dynamics.inverse_mass_matrix(q) @ rates
-    return q, rates
+    return q, _of_momenta(dynamics).inverse_mass_matrix(q) @ rates if dynamics.momenta else rates
+
+
+def _of_momenta(dynamics: AbstractDynamics) -> AbstractPortHamiltonian:
+    """Dynamics of momentum data, refused where they have no M."""
+    if isinstance(dynamics, AbstractPortHamiltonian):
+        return dynamics
+    raise ValueError(
+        f"A model of momenta must have an inertia, for controllers go by velocities; {type(dynamics).__name__} has "
+        "none. Train it on velocities, or a kind with an energy."
+    )
