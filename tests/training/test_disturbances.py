@@ -292,7 +292,9 @@ def test_a_run_that_is_killed_before_it_begins_anew_finds_it_again(tmp_path, mon
     assert eqx.tree_equal(last.model, whole.model)
 
 
-def test_a_run_that_ends_soon_after_it_began_anew_has_the_model_from_before(monkeypatch):
+@pytest.mark.parametrize("growth_steps", [1, 0])  # Without, it is found after the last stage.
+def test_a_run_that_ends_soon_after_it_began_anew_has_the_model_from_before(growth_steps, monkeypatch):
+    config = dataclasses.replace(BRIEF, growth_steps=growth_steps)
     monkeypatch.setattr(_disturbances, "disturbed_spans", found_twice)
     dataset = swings(0, {})
 
@@ -306,9 +308,9 @@ def test_a_run_that_ends_soon_after_it_began_anew_has_the_model_from_before(monk
         return progress
 
     with pytest.warns(DataWarning, match="Training begins anew"):
-        first = fit(dataset, model=MODEL, config=BRIEF, progress=stop_after("relevance", 1))
+        first = fit(dataset, model=MODEL, config=config, progress=stop_after("relevance", 1))
     with pytest.warns(DataWarning, match="Training begins anew"):
-        second = fit(dataset, model=MODEL, config=BRIEF, progress=stop_after("adam", 2))
+        second = fit(dataset, model=MODEL, config=config, progress=stop_after("adam", 2))
     assert second.config.left_out is None
     assert first.config.left_out is None
     assert second.outcome.startswith("stopped by `progress`")

@@ -241,7 +241,7 @@ def _trained(
         before = prepared, config, state, findings
         journal = dataclasses.replace(journal, left_out=disturbed, rounds=journal.rounds - 1)
         resume = False
-    if before is not None and state.stage <= before[2].stage < len(stages):  # Stopped long before it is as good.
+    if before is not None and state.stage <= min(before[2].stage, len(stages) - 1):  # Stopped before it is as good.
         return *before[:3], before[3]._replace(outcome=findings.outcome)
     return prepared, config, state, findings
 
