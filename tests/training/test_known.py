@@ -121,6 +121,9 @@ def test_nothing_to_learn_is_refused(pendulum, quick):
     dataset = knowing(pendulum(), **EXACT, constants={"J": 1.0, "w": 1.0, "d": 0.1})
     with pytest.raises(ValueError, match="must have something to learn; every part is given"):
         fit(dataset, model=MODEL, config=quick)
+    correctable = dataclasses.replace(dataset, known=dataclasses.replace(dataset.known, correct=("potential_energy",)))
+    with pytest.raises(ValueError, match=r"corrections of these need `lm_steps` and `growth_steps`; got \d+ and 0"):
+        fit(correctable, model=MODEL, config=dataclasses.replace(quick, growth_steps=0))
 
 
 def test_known_parts_that_no_mechanism_has_are_refused_before_training(pendulum, quick):

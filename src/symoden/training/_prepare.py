@@ -97,6 +97,11 @@ def prepare(
             f"the model has {size}. Take smaller networks, or Adam alone: `lm_steps=0`."
         )
     stages = line_up(dataset, dynamics, candidates, config, regress_first=undrawn and not guessed)
+    if not stages:
+        raise ValueError(
+            "Training must have something to learn; every part is given, and corrections of these need `lm_steps` and "
+            f"`growth_steps`; got {config.lm_steps} and {config.growth_steps}. Take the preset `default`."
+        )
     weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
     state = TrainingState(
         stage=0,
