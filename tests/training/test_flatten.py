@@ -10,6 +10,7 @@ from symoden.blocks import (
     CORRECTIONS,
     DIRECTIONS,
     FRICTION,
+    INERTIA,
     NETWORKS,
     POTENTIAL,
     Correction,
@@ -58,6 +59,19 @@ def test_what_is_free_or_says_something_stays(small, scrambled):
     assert networks(restore.lean(theta)(theta)) == networks(model) > 0
     loud = scrambled(model, 1, 0.3)
     assert networks(without_silent(loud)) == networks(loud)
+
+
+@pytest.mark.parametrize("space", ["T1", "R1 T1", "R2"])
+def test_what_is_free_is_told_by_its_weights_whatever_its_value_at_some_place(space, scrambled):
+    plain = build(ModelConfig(), Space.parse(space), 1, key=jax.random.key(3))
+    assert freed(plain) == 0
+    loud, kinds = scrambled(plain, 1, 0.3), 0
+    for kind in (FRICTION, DIRECTIONS, ACTUATION, NETWORKS, INERTIA, POTENTIAL):
+        alone = silenced(loud, CORRECTIONS & ~kind)
+        assert freed(alone) in {0, kind}
+        kinds |= freed(alone)
+    assert kinds == freed(loud)
+    assert bool(freed(loud) & INERTIA) == ("T" in space)  # On "R1 T1" it is zero wherever the length is.
 
 
 @pytest.mark.parametrize("space", ["T1", "R1 T1", "R2"])

@@ -239,10 +239,9 @@ def test_too_few_windows_are_refused(pendulum):
 
 def test_corrections_that_were_never_free_are_no_part_of_it():
     silent, said = Correction(Constant(jnp.zeros(2))), Correction(Constant(jnp.ones(2)), kind=FRICTION)
-    q = jnp.zeros(1)
-    assert kinds_in_use(Sum((silent, said)), q) == FRICTION
-    assert kinds_in_use(Sum((silent, Constant(jnp.ones(2)))), q) == 0
-    assert kinds_in_use(Sum((said, Correction(Constant(jnp.ones(2))))), q) == FRICTION | NETWORKS
+    assert kinds_in_use(Sum((silent, said))) == FRICTION
+    assert kinds_in_use(Sum((silent, Constant(jnp.ones(2))))) == 0
+    assert kinds_in_use(Sum((said, Correction(Constant(jnp.ones(2)))))) == FRICTION | NETWORKS
 
 
 def test_friction_may_differ_a_little_where_no_difference_between_the_directions_was_kept(pendulum):

@@ -9,10 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from symoden.shapes import Coordinates
-
 from ._fourier import FourierSeries
-from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Perceptron, Reduced, Sum
+from ._functions import CORRECTIONS, AbstractFunction, Correction, Network, Perceptron, Sum
 from ._harmonics import Harmonics
 from ._known import Known
 
@@ -107,40 +105,38 @@ def silenced(model: PyTree, kinds: int) -> PyTree:
     return jax.tree.map(zero, model, is_leaf=lambda node: isinstance(node, Correction))
 
 
-def kinds_in_use(model: PyTree, q: Coordinates) -> int:
+def kinds_in_use(model: PyTree) -> int:
     """Which corrections training has set free and kept.
 
     Args:
         model: Any tree of modules.
-        q: Any configuration of its space; there a correction that was never free is zero.
 
     Returns:
-        The kinds of those that are not zero, as flags; 0 if all are.
+        The kinds of those that are not zero everywhere, as flags; 0 if all are.
     """
-    parts = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction | Reduced))
-    return functools.reduce(operator.or_, (_kinds_of(part, q) for part in parts), 0)
+    parts = jax.tree.leaves(model, is_leaf=lambda node: isinstance(node, Correction))
+    used = (part.kind for part in parts if isinstance(part, Correction) and not _is_zero(part))
+    return functools.reduce(operator.or_, used, 0)
 
 
-def _kinds_of(node: object, q: Coordinates) -> int:
-    """The kinds of corrections that a part of a model has in use."""
-    if isinstance(node, Reduced):
-        return kinds_in_use(node.function, q[np.asarray(node.kept)])
-    if not isinstance(node, Correction) or is_silent(node) or not np.any(np.asarray(node(q))):
-        return 0
-    return node.kind
+def _is_zero(correction: Correction) -> bool:
+    """Whether a correction is zero everywhere, by its weights: at single places one that is free may be zero."""
+    if isinstance(correction.function, Network):
+        return is_silent(correction)
+    learned = jax.tree.leaves(eqx.filter(correction, trainable(correction)))
+    return not any(np.any(np.asarray(each)) for each in learned)
 
 
-def count_active(model: PyTree, q: Coordinates) -> int:
+def count_active(model: PyTree) -> int:
     """Number of trainable parameters that do something: without those of corrections that were never needed.
 
     Args:
         model: Any tree of modules.
-        q: Any configuration of its space.
 
     Returns:
         Number of scalars.
     """
-    return count_parameters(model, corrections=kinds_in_use(model, q))
+    return count_parameters(model, corrections=kinds_in_use(model))
 
 
 def count_parameters(model: PyTree, *, corrections: int = CORRECTIONS) -> int:

@@ -5,8 +5,6 @@ import sys
 from collections.abc import Collection, Mapping
 from typing import Final
 
-import jax.numpy as jnp
-
 from symoden.blocks import count_active, count_parameters
 from symoden.evaluation import identified_parameters
 from symoden.experiments import (
@@ -87,7 +85,7 @@ def run(command: Train) -> None:
         print_json(_as_json(command, result) | scores.values)
     else:
         model = result.model
-        size = size_words(count_parameters(model), count_active(model, jnp.zeros(model.space.size)))
+        size = size_words(count_parameters(model), count_active(model))
         more = "" if result.completed else " (--resume goes on)"
         print(f"{result.outcome}{more}, after {result.seconds:.0f} s; parameters: {size}")
         if result.ensemble is not None:

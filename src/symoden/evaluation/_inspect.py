@@ -180,7 +180,7 @@ def inspect_model(
         space=str(model.space),
         position_units=measured,
         parameters=count_parameters(model),
-        active=count_active(model, jnp.zeros(model.space.size)),
+        active=count_active(model),
         anchor=anchor(model),
         units=units(model, measured),
         given=given_parts(model),

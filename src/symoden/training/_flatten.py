@@ -73,7 +73,7 @@ class Flattening(eqx.Module):
 
 def freed(model: PyTree) -> int:
     """Which kinds of corrections of a model training has set free and kept."""
-    return kinds_in_use(model, jnp.zeros(model.space.size))
+    return kinds_in_use(model)
 
 
 def drawn(model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
