@@ -230,6 +230,8 @@ def test_a_planned_motion_is_one_of_the_model_and_is_followed():
     assert judge(episodes, PENDULUM.space, np.zeros(1)).success.all()
     with pytest.raises(ValueError, match=r"No motion of 0.3 s from \[3.14"):
         plan_motion(PENDULUM, [np.pi], [0.0], limits=4.0, duration=0.3)
+    with pytest.raises(ValueError, match=r"within limits, which must be finite; got \[inf\]"):
+        plan_motion(PENDULUM, [np.pi], [0.0], limits=None)
 
 
 def test_a_search_on_the_model_does_not_make_a_swing_up_worse():

@@ -110,6 +110,16 @@ def test_an_episode_is_judged_by_its_end_and_settles_when_it_stays():
     assert np.isnan(other.settling).all()
 
 
+def test_episodes_too_short_to_stay_are_not_judged():
+    at_target = np.full((1, 1), 2 * np.pi), np.zeros((1, 1))
+    assert judge(
+        run_episodes(PENDULUM, SHAPING, *at_target, Loop(duration=2.0)), PENDULUM.space, at_target[0][0]
+    ).success
+    episodes = run_episodes(PENDULUM, SHAPING, *at_target, Loop(duration=1.5))
+    with pytest.raises(ValueError, match=r"must last at least 2 s, .* got 1\.5 s"):
+        judge(episodes, PENDULUM.space, at_target[0][0])
+
+
 def test_a_diverging_episode_is_no_success():
     episodes = run_episodes(PENDULUM, SHAPING, np.array([[np.nan]]), np.zeros((1, 1)), Loop(duration=3.0))
     assert not judge(episodes, PENDULUM.space, np.zeros(1)).success.any()

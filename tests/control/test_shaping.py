@@ -168,6 +168,9 @@ def test_what_cannot_be_shaped_is_refused():
         EnergyShaping.of(PENDULUM, [0.0], limits=4.0)
     with pytest.raises(ValueError, match="between 0 and 1; got"):
         EnergyShaping.of(PENDULUM, [0.0], compensation=1.5)
+    for name, gain in (("frequency", -2.0), ("frequency", np.inf), ("damping_ratio", 0.0), ("damping_ratio", np.nan)):
+        with pytest.raises(ValueError, match=f"`{name}` must be positive and finite; got {gain}"):
+            EnergyShaping.of(PENDULUM, [0.0], **{name: gain})
     for limits in (-1.0, (1.0, 2.0)):
         with pytest.raises(ValueError, match="Limits must be positive"):
             EnergyShaping.of(PENDULUM, [0.0], limits=limits)

@@ -1,6 +1,7 @@
 """What every controller is: a pure function from a measurement to an input, within limits."""
 
 import abc
+import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -58,6 +59,20 @@ def input_limits(limits: Limits, inputs: int) -> np.ndarray:
     if values.shape != (inputs,) or not np.all(values > 0):
         raise ValueError(f"Limits must be positive, one number for all {inputs} inputs or one for each; got {limits}.")
     return values
+
+
+def check_positive(**gains: float | None) -> None:
+    """Refuse gains that would drive a system away from its target.
+
+    Args:
+        gains: Numbers by their names; None where one is chosen.
+
+    Raises:
+        ValueError: If one is not positive and finite.
+    """
+    for name, gain in gains.items():
+        if gain is not None and not 0 < gain < math.inf:
+            raise ValueError(f"`{name}` must be positive and finite; got {gain}.")
 
 
 def saturate(u: Inputs, limits: Inputs) -> Inputs:

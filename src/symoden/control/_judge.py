@@ -1,6 +1,7 @@
 """Judge episodes: was the target reached and kept, and when."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -9,6 +10,8 @@ from symoden.shapes import Coordinates
 from symoden.spaces import Space
 
 from ._loop import Episode
+
+_ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,9 +65,17 @@ def judge(
 
     Returns:
         The verdict on each.
+
+    Raises:
+        ValueError: If they are shorter than a target has to be kept.
     """
     near = Tolerance() if tolerance is None else tolerance
     ts = np.asarray(episodes.ts)[0]
+    lasts = len(ts) * (ts[-1] - ts[0]) / max(len(ts) - 1, 1)
+    if lasts < near.hold * (1 - _ROUNDING):
+        raise ValueError(
+            f"Episodes must last at least {near.hold:g} s, for which the target has to be kept; got {lasts:g} s."
+        )
     wanted = ~np.isnan(np.asarray(target)) if np.ndim(target) == 1 else np.ones(space.size, bool)
     e = np.asarray(episodes.q) - np.where(wanted, target, 0.0)
     e = np.where(space.is_angle, np.mod(e + np.pi, 2 * np.pi) - np.pi, e)

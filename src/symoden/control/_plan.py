@@ -138,17 +138,20 @@ def plan_motion(
         The best motion.
 
     Raises:
-        ValueError: If no guess reached the target.
+        ValueError: If there are no limits, or no guess reached the target.
 
     References:
         Li & Todorov (2004), *Iterative linear quadratic regulator design for nonlinear biological movement systems*.
     """
+    bounds = input_limits(limits, model.inputs)
+    if not np.isfinite(bounds).all():
+        raise ValueError(f"A motion is planned within limits, which must be finite; got {bounds.tolist()}.")
     q0, goal = as_array(start), as_array(target)
     still = jnp.zeros_like(goal)
     problem = _Problem(
         model=model,
         goal=jnp.concatenate([goal, still]),
-        limits=as_array(_SHARE * input_limits(limits, model.inputs)),
+        limits=as_array(_SHARE * bounds),
         period=period,
     )
     generator = np.random.default_rng(seed)

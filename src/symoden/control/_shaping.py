@@ -12,7 +12,7 @@ from symoden.mechanics import AbstractPortHamiltonian, gradient
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
-from ._controller import AbstractController, Limits, Target, as_array, input_limits, saturate
+from ._controller import AbstractController, Limits, Target, as_array, check_positive, input_limits, saturate
 from ._judge import Tolerance
 from ._scales import bandwidth, configurations, slow_friction, static_load
 
@@ -99,9 +99,10 @@ class EnergyShaping(AbstractController):
             The controller.
 
         Raises:
-            ValueError: If the model is not fully actuated, the limits cannot hold its weight everywhere, or the
-                compensation is no share.
+            ValueError: If the model is not fully actuated, the limits cannot hold its weight everywhere, the
+                compensation is no share, or the frequency or the damping ratio is not positive.
         """
+        check_positive(frequency=frequency, damping_ratio=damping_ratio)
         if not 0 <= compensation <= 1:
             raise ValueError(f"The compensation of friction must be between 0 and 1; got {compensation}.")
         n = model.space.size

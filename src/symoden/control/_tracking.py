@@ -12,7 +12,7 @@ from symoden.mechanics import AbstractPortHamiltonian, friction_matrix, gradient
 from symoden.shapes import Coordinates, Inputs, Scalar, SquareMatrix, Velocities
 from symoden.spaces import Space
 
-from ._controller import AbstractController, Limits, as_array, input_limits, saturate
+from ._controller import AbstractController, Limits, as_array, check_positive, input_limits, saturate
 from ._motion import terms
 from ._scales import bandwidth
 
@@ -70,8 +70,9 @@ class Tracking(AbstractController):
             The controller.
 
         Raises:
-            ValueError: If the model is not fully actuated.
+            ValueError: If the model is not fully actuated, or the frequency is not positive.
         """
+        check_positive(frequency=frequency)
         n = model.space.size
         if model.inputs != n:
             raise ValueError(
