@@ -49,7 +49,7 @@ if (_cache := _compilation_cache()) is not None:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 # The same examples on every machine; no deadline, because the first call of a test compiles.
-hypothesis.settings.register_profile("symoden", derandomize=True, deadline=None, max_examples=50, print_blob=True)
+hypothesis.settings.register_profile("symoden", derandomize=True, deadline=None, max_examples=30, print_blob=True)
 hypothesis.settings.load_profile("symoden")
 
 

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 PROGRAM = """
-import numpy as np, polars
+import jax, numpy as np, polars
 import symoden, symoden.control, symoden.data, symoden.systems
 from symoden import Dataset, Space, Trajectory
 
@@ -15,6 +15,7 @@ q, none = np.cos(3 * ts)[:, None], np.zeros((20, 0))
 swing = Trajectory(name="swing", ts=ts, q=q, rates=q, us=none)
 data = Dataset(name="arm", space="T1", train=(swing,))
 arm = symoden.Pendulum()
+naive = symoden.build(symoden.ModelConfig(kind="naive"), Space.parse("T1"), 1, key=jax.random.key(0))
 nothing = dict.fromkeys(("posterior", "hold", "solver", "noise", "tail", "factor", "calibrated_on", "horizon"))
 bands = symoden.evaluation.Bands(**nothing)
 said = {{"space": "T1", "dt": 0.05, "positions": ["q"], "train": {{"files": ["a"]}}}}
@@ -41,6 +42,10 @@ REFUSED = {
     "symoden.fit([swing])": "TypeError | Training must be given a `Dataset`; got list.",
     "symoden.fit(data, model='dissipative')": "TypeError | Training must be given a `ModelConfig`; got str.",
     "symoden.TrainingConfig(left_out=[('a',)])": "ValueError | `left_out` must have spans as (name of a",
+    "symoden.TrainingConfig(batch_size=16.5)": "ValueError | `batch_size` must be a whole number of at least 1; got 16",
+    "symoden.TrainingConfig(adam_steps=1e2)": "ValueError | `adam_steps` must be a whole number of at least 0; got 100",
+    "symoden.TrainingConfig(horizon=2.5)": "ValueError | `horizon` must be a whole number of at least 1, or None to",
+    "symoden.rescale(naive, 2.0)": "TypeError | A model must have an inertia for its scale to be changed; Naive",
     "symoden.fit(data, config={'seed': 1})": "TypeError | Training must be given a `TrainingConfig`; got dict.",
     "symoden.fit(data, resume=True)": "ValueError | Training can be resumed only in a `folder`; got none.",
     "symoden.control.design(symoden.systems.Pendulum(), [0.0], method='pid')": "ValueError | `method` must be one",

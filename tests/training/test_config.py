@@ -14,10 +14,10 @@ POSITIVE = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"seed": -1}, "`seed` must be at least 0; got -1"),
-        ({"batch_size": 0}, "`batch_size` must be at least 1; got 0"),
+        ({"seed": -1}, "`seed` must be a whole number of at least 0; got -1"),
+        ({"batch_size": 0}, "`batch_size` must be a whole number of at least 1; got 0"),
         ({"adam_steps": 0, "lm_steps": 0}, "Training must have steps"),
-        ({"lm_horizon": 0}, "`lm_horizon` must be at least 1, or None"),
+        ({"lm_horizon": 0}, "`lm_horizon` must be a whole number of at least 1, or None"),
         ({"validation": math.nan}, "`validation` must be at least 0 and below 1; got nan"),
         *[({"clip": value}, f"`clip` must be positive, or None for no limit; got {value}") for value in (0.0, -1.0)],
         ({"clip": math.nan}, "`clip` must be positive, or None for no limit; got nan"),

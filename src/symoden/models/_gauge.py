@@ -51,6 +51,7 @@ def rescale(model: Model, beta: float) -> Model:
         The equivalent model.
 
     Raises:
+        TypeError: If the model has no inertia, as the naive one.
         ValueError: If `beta` is not positive and finite, or the model's rates are momenta, which fix the factor.
 
     References:
@@ -68,6 +69,8 @@ def rescale(model: Model, beta: float) -> Model:
     """
     if not (math.isfinite(beta) and beta > 0):
         raise ValueError(f"`beta` must be positive and finite; got {beta}.")
+    if not isinstance(model, StructuredModel | UnstructuredModel | GeometricModel):
+        raise TypeError(f"A model must have an inertia for its scale to be changed; {type(model).__name__} has none.")
     if model.momenta:
         raise ValueError("A model of momentum data has no free scale: the momenta are measured.")
     inverse_mass = _block(cast("AbstractBlock", model.inverse_mass), beta)

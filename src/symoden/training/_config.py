@@ -1,6 +1,7 @@
 """Settings of training."""
 
 import math
+import numbers
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -100,19 +101,26 @@ class TrainingConfig:
             "relevance_steps": 0,
         }
         for name, bound in least.items():
-            if not getattr(self, name) >= bound:
-                raise ValueError(f"`{name}` must be at least {bound}; got {getattr(self, name)}.")
+            if not _is_count(getattr(self, name), bound):
+                raise ValueError(f"`{name}` must be a whole number of at least {bound}; got {getattr(self, name)}.")
         if not (self.adam_steps or self.lm_steps):
             raise ValueError(
                 "Training must have steps; `adam_steps` and `lm_steps` are both 0. Leave one at its default."
             )
         for name in ("horizon", "lm_horizon", "lm_substeps"):
             value = getattr(self, name)
-            if value is not None and not value >= 1:
-                raise ValueError(f"`{name}` must be at least 1, or None to choose it from the data; got {value}.")
+            if value is not None and not _is_count(value, 1):
+                raise ValueError(
+                    f"`{name}` must be a whole number of at least 1, or None to choose it from the data; got {value}."
+                )
         _refuse_numbers(self)
         if self.left_out is not None:
             object.__setattr__(self, "left_out", _spans(self.left_out))
+
+
+def _is_count(value: object, least: int) -> bool:
+    """Whether a setting is a whole number, and large enough."""
+    return isinstance(value, numbers.Integral) and int(value) >= least
 
 
 def _spans(given: object) -> tuple[Span, ...]:
