@@ -21,20 +21,20 @@ from ._regulator import Regulator
 QUICK: Final = 0.01
 """Control period, and step, that is short enough for simulations on a model [s]."""
 
-_STIFFER: Final = (3.0, 10.0)
-_NEARLY: Final = 0.9  # As often as any.
+_STIFFER: Final = (3.0, 10.0)  # Stiffnesses that are tried after that of one.
+_NEARLY: Final = 0.9  # Share of the best one's successes that a softer regulator must reach.
 _EVERY: Final = 3  # Of the directions; which is stiff enough is told by fewer than how far it reaches.
-_DURATION: Final = 6.0  # [s]
-_DIRECTIONS: Final = 48
-_LEVELS: Final = 16
-_SMALLEST: Final = 1e-3
-_CALMED: Final = 0.02
-_SHARE: Final = 0.8
-_FASTER: Final = 3.0
-_FUNNELS: Final = np.geomspace(0.02, 2.0, 6)
-_ENOUGH: Final = 0.95
-_PLAN_PERIOD: Final = 0.02
-_AFTER: Final = 2.0
+_DURATION: Final = 6.0  # Of a simulation [s].
+_DIRECTIONS: Final = 48  # In which states lie on every level of the cost to go.
+_LEVELS: Final = 16  # From the smallest one up to that of half a turn.
+_SMALLEST: Final = 1e-3  # Level that is tried, relative to that of half a turn.
+_CALMED: Final = 0.02  # Share of the cost to go that may be left at the end of a simulation.
+_SHARE: Final = 0.8  # Of the largest level from which all came home.
+_FASTER: Final = 3.0  # Times as fast, starts beyond the speed at which a free coordinate is braked.
+_FUNNELS: Final = np.geomspace(0.02, 2.0, 6)  # Levels that are tried around a planned motion.
+_ENOUGH: Final = 0.95  # Share of starts around a planned motion that must arrive.
+_PLAN_PERIOD: Final = 0.02  # Between samples of a planned motion [s].
+_AFTER: Final = 2.0  # For which it is simulated beyond its end [s].
 
 
 def attraction(

@@ -15,6 +15,7 @@ from ._horizons import (
 )
 from ._read_dataset import read_dataset as read_dataset
 from ._split import (
+    VALIDATION_SHARE as VALIDATION_SHARE,
     halves as halves,
     segments as segments,
     split_validation as split_validation,
@@ -51,6 +52,7 @@ from .signals import (
 __all__ = [
     "ADAM_WINDOWS",
     "LEVENBERG_WINDOWS",
+    "VALIDATION_SHARE",
     "ChannelFacts",
     "DataError",
     "DataWarning",

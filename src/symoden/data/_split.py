@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from ._dataset import Dataset
 from ._errors import DataError
 from ._trajectory import Trajectory
 
+VALIDATION_SHARE: Final = 0.1
+"""Share of the recordings that is held out, unless it is told otherwise."""
 _SHOWN = 10
 _TAIL = "#tail"  # Of a recording's name, that its end has.
 _REST = "#rest"  # What follows that, where hardly anything moves.
@@ -54,7 +57,7 @@ def segments(trajectory: Trajectory, seconds: float) -> tuple[Trajectory, ...]:
     )
 
 
-def split_validation(dataset: Dataset, fraction: float = 0.15, *, min_samples: int = 2) -> Dataset:
+def split_validation(dataset: Dataset, fraction: float = VALIDATION_SHARE, *, min_samples: int = 2) -> Dataset:
     """Hold recordings out of `train` for validation, the same ones every time.
 
     Where there are many, whole trajectories are held out, evenly spread over the data set; those with the same first

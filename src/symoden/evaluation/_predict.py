@@ -13,9 +13,9 @@ from jaxtyping import Float
 
 from symoden.blocks import without_silent
 from symoden.data import Dataset, Trajectory, first_samples
-from symoden.integrate import HOLDS, RK4, AbstractSolver, Hold, Rollout
+from symoden.integrate import FEWEST_SUBSTEPS, HOLDS, RK4, AbstractSolver, Hold, Rollout
 from symoden.mechanics import AbstractDynamics, refuse_no_system
-from symoden.training import FEWEST_SUBSTEPS, find_first_state
+from symoden.training import find_first_state
 
 from ._batches import Segment, Stretch, entire, in_batches, roll_out
 

@@ -15,13 +15,12 @@ from typing import Final
 
 from symoden.data import Dataset, without_spans
 from symoden.data.description import read_description
-from symoden.integrate import RK4
+from symoden.integrate import FEWEST_SUBSTEPS, RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, load
 from symoden.storage import StorageError, exclusive, write_atomically
 from symoden.training import (
     CHECKPOINTS,
-    FEWEST_SUBSTEPS,
     MODEL,
     FitResult,
     Progress,

@@ -11,7 +11,6 @@ from ._ensemble import (
 )
 from ._first_state import find_first_state as find_first_state
 from ._fit import (
-    FEWEST_SUBSTEPS as FEWEST_SUBSTEPS,
     FitResult as FitResult,
     TrainingError as TrainingError,
     fit as fit,
@@ -37,7 +36,6 @@ __all__ = [
     "CHECKPOINTS",
     "ENSEMBLE",
     "FEWEST_MEMBERS",
-    "FEWEST_SUBSTEPS",
     "MODEL",
     "POSTERIOR",
     "AbstractPosterior",

@@ -5,6 +5,8 @@ import numbers
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from symoden.data import VALIDATION_SHARE
+
 Span: TypeAlias = tuple[str, float, float]
 """A recording's name, and where a span of it begins and ends in its own time [s]."""
 
@@ -57,7 +59,7 @@ class TrainingConfig:
     """
 
     seed: int = 0
-    validation: float = 0.1
+    validation: float = VALIDATION_SHARE
     horizon: int | None = None
     substeps: int = 1
     unroll: bool = False

@@ -16,6 +16,7 @@ from symoden.blocks import count_parameters
 from symoden.data import (
     ADAM_WINDOWS,
     LEVENBERG_WINDOWS,
+    VALIDATION_SHARE,
     Dataset,
     DataWarning,
     Trajectory,
@@ -50,14 +51,13 @@ LONGER: Final = (2, 4)
 """Times as long as Levenberg-Marquardt's windows, the longer ones are."""
 HARDLY_ANY: Final = 4
 """Windows of validation whose verdict is hardly one."""
-_FEW_NUMBERS = 100  # Of one coordinate; a network in place of its blocks has thousands.
-_FEW = 12  # Of them; where few numbers are learned, windows left out in turn tell more.
-_BUMPS = WindowLength(1.0, 8)  # Of fewer steps the trapezoidal rule errs too much.
-_FEWEST = 20  # Of them, or they stay as they are.
-_MOST_SAMPLES = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
-_NAMED = 3
-_SHARE = 0.1  # Of the recordings, held out where all that was given to judge by is disturbed.
-_FEWEST_IN_TURN = 6  # Or these vary by chance as well; enough for few numbers.
+_FEW_NUMBERS: Final = 100  # That a model of one coordinate learns; networks in place of its blocks have thousands.
+_FEW_VALIDATE: Final = 12  # Windows of validation; where few numbers are learned, windows left out in turn tell more.
+_FEWEST_IN_TURN: Final = 6  # Windows that can be left out in turn: what fewer say is chance as well.
+_FEWEST_LONGER: Final = 20  # Longer windows that a recording must have room for; `_FEWEST_IN_TURN` for few numbers.
+_BUMPS: Final = WindowLength(1.0, 8)  # Under bumps of fewer steps the trapezoidal rule errs too much.
+_MOST_SAMPLES: Final = 2**22  # In all windows of Adam's, each sample counted in every window that has it.
+_NAMED: Final = 3
 
 
 class Data(NamedTuple):
@@ -152,7 +152,8 @@ def _without(dataset: Dataset, spans: Sequence[Span], config: TrainingConfig) ->
     judges = tuple(each for each in cut.validation if each.name in whole or len(each) > steps)
     if judges or not dataset.validation:
         return dataclasses.replace(cut, validation=judges)
-    return split_validation(dataclasses.replace(cut, validation=()), config.validation or _SHARE, min_samples=steps + 1)
+    share = config.validation or VALIDATION_SHARE
+    return split_validation(dataclasses.replace(cut, validation=()), share, min_samples=steps + 1)
 
 
 def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
@@ -184,7 +185,7 @@ def levenberg_data(dataset: Dataset, dynamics: AbstractDynamics, config: Trainin
     """
     horizon = config.lm_horizon or _horizon(dataset, LEVENBERG_WINDOWS)
     data = _data(dataset, dynamics, config, horizon=horizon, stride=horizon, dtype=jnp.float64)
-    return _free_starts(_thinned(data, config.lm_samples), dataset).left_out_in_turn(dynamics, _FEW)
+    return _free_starts(_thinned(data, config.lm_samples), dataset).left_out_in_turn(dynamics, _FEW_VALIDATE)
 
 
 def regression_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data | None:
@@ -353,7 +354,7 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
     Returns:
         Windows twice and four times as long.
     """
-    fewest = _FEWEST_IN_TURN if energies_are_given(dynamics) else _FEWEST
+    fewest = _FEWEST_IN_TURN if energies_are_given(dynamics) else _FEWEST_LONGER
     found = []
     for factor in LONGER if config.lm_horizon is None else ():
         horizon = factor * (data.train.ts.shape[1] - 1)

@@ -197,7 +197,7 @@ class Linearization:
             cotangents: One number c for each residual.
 
         Returns:
-            The product, in double precision.
+            The product; blocks in the precision of J, their sum in double precision.
         """
         total = np.zeros(self.theta.size)
         for some, block in self._blocks():

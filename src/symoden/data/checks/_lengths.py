@@ -13,8 +13,6 @@ from symoden.data._horizons import ADAM_WINDOWS, LEVENBERG_WINDOWS, window_steps
 from symoden.data._split import split_validation
 from symoden.wording import first_few
 
-_SHARE: Final = 0.1  # of a recording that training holds out, unless it is told otherwise
-_HELD_OUT: Final = 4  # samples that it holds out at least
 _NAMED: Final = 5
 
 
@@ -31,7 +29,7 @@ def find_short(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> list[Findi
     if not dataset.train:
         return []
     try:
-        held = split_validation(dataset, _SHARE, min_samples=_HELD_OUT)
+        held = split_validation(dataset, min_samples=ADAM_WINDOWS.least + 1)
     except DataError as error:
         return [refusal(error)]
     held = dataclasses.replace(held, train=tuple(map(without_poor_ends, held.train)))
