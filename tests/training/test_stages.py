@@ -87,7 +87,7 @@ def test_what_comes_of_a_stage_is_kept_if_validation_gains_as_much_as_is_asked_f
 
 
 def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendulum, quick, monkeypatch):
-    monkeypatch.setattr(_data, "_FEWEST", 2)
+    monkeypatch.setattr(_data, "_FEWEST_LONGER", 2)
     config = dataclasses.replace(quick, growth_steps=1, relevance_steps=1, lm_horizon=None, validation=0.0)
     model = build(ModelConfig(), Space.parse("T1"), 1, key=jax.random.key(0))
     every = line_up(pendulum(samples=400), model, [model], config)
@@ -257,7 +257,7 @@ def told(verdict):
 
 
 def test_windows_are_twice_and_four_times_as_long_as_far_as_there_are_enough(pendulum, small, quick, monkeypatch):
-    monkeypatch.setattr(_data, "_FEWEST", 2)
+    monkeypatch.setattr(_data, "_FEWEST_LONGER", 2)
     dataset = pendulum()
     dataset = dataclasses.replace(dataset, train=dataset.train[1:], validation=dataset.train[:1])
     model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
@@ -270,7 +270,7 @@ def test_windows_are_twice_and_four_times_as_long_as_far_as_there_are_enough(pen
         assert (
             _data.longer_data(dataset, model, data, dataclasses.replace(quick, lm_horizon=horizon)) == []
         )  # as asked for
-    monkeypatch.setattr(_data, "_FEWEST", 10**6)
+    monkeypatch.setattr(_data, "_FEWEST_LONGER", 10**6)
     assert _data.longer_data(dataset, model, data, quick) == []
 
 

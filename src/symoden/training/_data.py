@@ -150,10 +150,10 @@ def _without(dataset: Dataset, spans: Sequence[Span], config: TrainingConfig) ->
     cut = without_spans(dataset, spans)
     whole = {each.name for each in dataset.validation}
     judges = tuple(each for each in cut.validation if each.name in whole or len(each) > steps)
+    cut = dataclasses.replace(cut, validation=judges)
     if judges or not dataset.validation:
-        return dataclasses.replace(cut, validation=judges)
-    share = config.validation or VALIDATION_SHARE
-    return split_validation(dataclasses.replace(cut, validation=()), share, min_samples=steps + 1)
+        return cut
+    return split_validation(cut, config.validation or VALIDATION_SHARE, min_samples=steps + 1)
 
 
 def adam_data(dataset: Dataset, dynamics: AbstractDynamics, config: TrainingConfig) -> Data:
