@@ -109,8 +109,7 @@ class Data(NamedTuple):
         if self.validation is None or self.train.ts.shape[0] < _FEWEST_IN_TURN:
             return self
         alone = dynamics.space.size == 1 and count_parameters(dynamics, corrections=0) <= _FEW_NUMBERS
-        few_numbers = alone or energies_are_given(dynamics)
-        return self._replace(in_turn=few_numbers and self.validation.ts.shape[0] <= few)
+        return self._replace(in_turn=(alone or energies_are_given(dynamics)) and len(self.validation.ts) <= few)
 
     def validation_loss(self, model: AbstractDynamics, objective: AbstractObjective) -> float | None:
         """Loss on the validation windows, if there are any."""
@@ -392,7 +391,7 @@ def across_recordings(dataset: Dataset, dynamics: AbstractDynamics, data: Data, 
         windows of either half are too few to tell how much they vary.
     """
     horizon = data.train.ts.shape[1] - 1
-    sides = halves([recording for recording in dataset.train if len(recording) > horizon])
+    sides = halves([each for each in dataset.train if len(each) > horizon])
     fewest = min(sum((len(recording) - 1) // horizon for recording in side) for side in sides)
     if fewest < LEAST_WINDOWS or not validates_by_ends(dataset):
         return None

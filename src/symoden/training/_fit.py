@@ -241,8 +241,15 @@ def _trained(
         before = prepared, config, state, findings
         journal = dataclasses.replace(journal, left_out=disturbed, rounds=journal.rounds - 1)
         resume = False
-    if before is not None and state.stage <= min(before[2].stage, len(stages) - 1):  # Stopped before it is as good.
-        return *before[:3], before[3]._replace(outcome=findings.outcome)
+    if before is not None and state.stage < len(stages) and state.stage <= before[2].stage:
+        # Stopped before it is as good. What there is instead is not complete, whatever stage it was found after.
+        prepared, config, state, findings = (
+            before[0],
+            before[1],
+            before[2],
+            before[3]._replace(outcome=findings.outcome),
+        )
+        state = state._replace(stage=min(state.stage, len(prepared.stages) - 1))
     return prepared, config, state, findings
 
 
