@@ -5,6 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from symoden.evaluation import Certainty, IdentifiedJoint, Inspection, write_urdf
+from symoden.experiments import read_model
+from symoden.mechanics import AbstractDynamics
+from symoden.models import StructuredModel
 from symoden.wording import number
 
 from ._arguments import Inspect
@@ -22,6 +25,8 @@ def run(command: Inspect) -> None:
         command: What to do.
     """
     check_figure(command.figure)
+    if command.urdf is not None:
+        _check_urdf(command.urdf, read_model(command.run))
     learned = Learned.of(command.run)
     name_unfinished(learned.config)
     joints = None if command.urdf is None else _write_robot(command.urdf, learned)
@@ -55,19 +60,24 @@ def run(command: Inspect) -> None:
         print("\ndrives have no place in a URDF: a comment in the file says what they are")
 
 
-def _write_robot(path: Path, learned: Learned) -> tuple[IdentifiedJoint, ...]:
-    """Write what was learned of the run's robot."""
+def _check_urdf(path: Path, model: AbstractDynamics) -> None:
+    """Refuse a file that nothing could be written to, before anything takes time."""
     if path.suffix.lower() != ".urdf":
         raise ValueError(f"`--urdf` must end in .urdf; got `{path}`.")
-    if learned.source is None:
-        raise ValueError(
-            f"`--urdf` needs the robot's file, which the run's data name; they cannot be read: {learned.missing}"
-        )
-    known = learned.source.dataset.known
-    if known is None or known.robot is None:
+    parameters = model.parameters if isinstance(model, StructuredModel) else None
+    if parameters is None or parameters.links is None:
         raise ValueError(
             '`--urdf` needs a run that was given a robot; this one was not. Train with `robot = "arm.urdf"` under '
             "[known] of the description."
+        )
+
+
+def _write_robot(path: Path, learned: Learned) -> tuple[IdentifiedJoint, ...]:
+    """Write what was learned of the run's robot."""
+    known = None if learned.source is None else learned.source.dataset.known
+    if known is None or known.robot is None:
+        raise ValueError(
+            f"`--urdf` needs the robot's file, which the run's data name; they cannot be read: {learned.missing}"
         )
     return write_urdf(path, learned.model, known.robot, ranges=learned.config.data.ranges)
 
