@@ -152,3 +152,12 @@ def test_verdicts_say_what_diverges_and_count_the_windows_that_told():
     )
     lost = by_windows(Judge.VALIDATION, np.full(2, math.inf), np.full(2, math.inf), wanted=-1.0)
     assert str(lost) == "not kept (validation loss inf, before inf: rollouts diverge in no fewer windows)"
+
+
+@pytest.mark.parametrize("loss", [0.05, 0.4, math.inf])
+def test_nothing_is_closed_of_what_predicts_hardly_anything(loss):
+    """Of a twin rotor that was predicted by nothing, V seemed to be needed by nothing."""
+    for closes in (False, True):
+        verdict = Verdict(Judge.VALIDATION, loss, loss, 9, gained=0.6, wanted=-1.0, closes=closes)
+        assert verdict.kept == (not closes or loss < 0.1)
+        assert ("tells nothing of what it lacks" in str(verdict)) != verdict.kept

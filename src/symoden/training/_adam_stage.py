@@ -18,8 +18,9 @@ from ._data import Data
 from ._flatten import Flattening, cast, freed
 from ._relevance import Relevance
 from ._residuals import evaluate_loss
-from ._stages import FOUND, AbstractStage, Clock, never
+from ._stages import AbstractStage, Clock, never
 from ._state import Incumbent, Report, TrainingState
+from ._verdicts import FOUND
 
 DIVERGED: Final = "diverged; the best model before was kept"
 

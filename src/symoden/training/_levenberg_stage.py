@@ -23,9 +23,9 @@ from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenber
 from ._objective import AbstractObjective, Batch
 from ._relevance import Relevance, free_scale, remembered
 from ._residuals import evaluate_loss, integration_error
-from ._stages import EXACT, EXPLAINED, FOUND, AbstractStage, Clock, never
+from ._stages import EXACT, EXPLAINED, AbstractStage, Clock, never
 from ._state import Report, TrainingState
-from ._verdicts import LOST, Skipped, Verdict, by_price, by_rollouts, by_validation
+from ._verdicts import FOUND, LOST, Skipped, Verdict, by_price, by_rollouts, by_validation
 from ._weak_form import WeakForm
 from ._weighing import Weighing
 

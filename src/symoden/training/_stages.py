@@ -9,7 +9,6 @@ from symoden.mechanics import AbstractDynamics
 from ._state import Report, TrainingState
 from ._verdicts import Verdict
 
-FOUND: Final = 0.1  # Mean squared residual, relative to the motion, below which a model is in the right basin.
 EXPLAINED: Final = 1e-6  # Mean squared residual, relative to the motion, below which no block need grow.
 EXACT: Final = 1e-11  # The same below which no measurement could tell the model from the truth.
 

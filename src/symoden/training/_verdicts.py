@@ -28,6 +28,9 @@ CLEAR: Final = 1.64
 DEAR: Final = 1.25
 """Loss over the one before, from which on what was closed is missing."""
 
+FOUND: Final = 0.1
+"""Mean squared residual, relative to the motion, below which a model is in the right basin."""
+
 _FAR = 0.1  # Share of a loss that chance does not take it to, where so many and so large a share of windows say so.
 _FEW, _MOSTLY = 3, 0.75
 _LEAST_ERROR = 1e-3  # Of a mean difference: windows whose differences are the same by chance know it no better.
@@ -75,7 +78,7 @@ class Verdict(NamedTuple):
     def kept(self) -> bool:
         """Whether it is."""
         fits = self.fitted is None or self.fitted[0] < self.fitted[1]
-        return self.gained > self.wanted and not self._is_lost and not self._is_dear and fits
+        return self.gained > self.wanted and not (self._is_lost or self._is_dear or self._is_vague) and fits
 
     @property
     def hardly(self) -> bool:
@@ -97,6 +100,11 @@ class Verdict(NamedTuple):
     def _is_dear(self) -> bool:
         """Whether what was closed is missing: in a single window, its standard error would not tell."""
         return self.closes and self.loss > DEAR * self.before
+
+    @property
+    def _is_vague(self) -> bool:
+        """Whether something was closed and hardly anything is predicted: by such a model it is not missing."""
+        return self.closes and not self.loss < FOUND
 
     @property
     def _alone(self) -> bool:
@@ -126,6 +134,8 @@ class Verdict(NamedTuple):
         """How much it has gained, in words."""
         if self._is_dear:
             return f"more than {DEAR:g} times as much"
+        if self._is_vague:
+            return f"what predicts so little, {FOUND:g} of the motion or more, tells nothing of what it lacks"
         if math.isinf(self.gained):
             if not math.isfinite(self.loss + self.before):
                 return f"rollouts diverge in {'fewer' if self.gained > 0 else 'no fewer'} windows"
