@@ -336,16 +336,28 @@ def test_several_inputs_of_which_nothing_is_told_are_named_at_once(tmp_path, cap
     path.write_text(text.replace('inputs = ["u"]', 'inputs = ["u", "v"]'))
     run = write_untrained_run(tmp_path / "run", path)
     untold = ("g[1, 1]", "g[1, 2]")
-    monkeypatch.setattr(_learned, "certainty", lambda *_: SimpleNamespace(undetermined=untold))
+    monkeypatch.setattr(_learned, "certainty", lambda *_: SimpleNamespace(undetermined=untold, accelerations={}))
     assert main(["evaluate", str(run), "--bands"]) == 0
     assert capsys.readouterr().err.count("what `u`, `v` do is not told by these data") == 1
 
 
-@pytest.mark.parametrize(("untold", "named"), [(("g[1, 1]", "D[1, 1]"), True), (("D[1, 1]",), False)])
-def test_an_input_of_which_nothing_is_told_is_named(described, tmp_path, capsys, monkeypatch, untold, named):
+@pytest.mark.parametrize(
+    ("untold", "accelerations", "named"),
+    [
+        (("g[1, 1]", "D[1, 1]"), {}, True),
+        (("g[1, 1]", "D[1, 1]"), {"inputs": 1.4}, True),
+        (("g[1, 1]", "D[1, 1]"), {"inputs": 0.6}, False),  # g is as open as the scale of M.
+        (("D[1, 1]",), {}, False),
+    ],
+)
+def test_an_input_of_which_nothing_is_told_is_named(
+    described, tmp_path, capsys, monkeypatch, untold, accelerations, named
+):
     described.write_text(described.read_text().replace("input_matrix = [[1]]\n", ""))
     run = write_untrained_run(tmp_path / "run", described)
-    monkeypatch.setattr(_learned, "certainty", lambda *_: SimpleNamespace(undetermined=untold))
+    monkeypatch.setattr(
+        _learned, "certainty", lambda *_: SimpleNamespace(undetermined=untold, accelerations=accelerations)
+    )
     assert main(["evaluate", str(run), "--bands"]) == 0
     assert ("what `u` does is not told by these data" in capsys.readouterr().err) == named
 

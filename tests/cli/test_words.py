@@ -64,6 +64,28 @@ def test_where_coordinates_have_factors_of_their_own_accelerations_tell_what_is_
     assert any("of V all is open" in line for line in words) == is_flat
 
 
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_potential_that_training_has_closed_is_said_to_be_zero(closed):
+    sizes = {"M": 0.1, "D": 0.2} if closed else {"M": 0.1, "V": 1.2, "D": 0.2}
+    certain = Certainty(
+        level=0.9,
+        profiles=(),
+        friction=(),
+        identified={},
+        relative=sizes,
+        common_factor=None,
+        apart={},
+        accelerations={},
+        undetermined=("V",),
+        parameters=9,
+        windows=20,
+        effective=7.0,
+    )
+    words = list(certainty_words(certain, ""))
+    assert any(line.startswith("V is zero: training found") for line in words) == closed
+    assert any("of V all is open" in line for line in words) != closed
+
+
 @pytest.mark.parametrize(("coverage", "narrow"), [(0.79, True), (0.81, False), (0.99, False)])
 def test_bands_that_miss_many_positions_are_called_too_narrow(coverage, narrow):
     score = BandScore(

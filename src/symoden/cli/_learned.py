@@ -1,5 +1,6 @@
 """What is known of a run's model; shared by `inspect`, `report` and `evaluate`."""
 
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -231,12 +232,14 @@ def name_untold_inputs(run: Path, model: AbstractDynamics, config: RunConfig, po
     if not config.data.input_names or "input_matrix" in found.given:
         return
     with show_work("what inputs do"):
-        untold = certainty(posterior, found).undetermined
+        certain = certainty(posterior, found)
+    if certain.accelerations.get("inputs", math.inf) < 1:
+        return  # What they accelerate is told: g alone is as open as the scale of each coordinate is.
     rows = range(1, len(config.data.position_names) + 1)
     names = [
         f"`{name}`"
         for j, name in enumerate(config.data.input_names, start=1)
-        if all(f"g[{i}, {j}]" in untold for i in rows)
+        if all(f"g[{i}, {j}]" in certain.undetermined for i in rows)
     ]
     if names:
         do = "does" if len(names) == 1 else "do"

@@ -118,7 +118,12 @@ def certainty_words(certain: Certainty | None, missing: str) -> Iterator[str]:
         )
     if certain.undetermined:
         yield f"no larger than their bands, so not told by these data: {', '.join(certain.undetermined)}"
-    if "V" in certain.undetermined:
+    if "V" in certain.undetermined and "V" not in certain.relative:
+        yield (
+            "V is zero: training found that nothing asks for one (`no potential`); its band says how large one could "
+            "be that these data would not show"
+        )
+    elif "V" in certain.undetermined:
         yield (
             'of V all is open: where neither gravity nor a spring acts, `[known]` may have `potential_energy = "0"`, '
             "or `cyclic` names the coordinates that nothing depends on; compare by `evaluate`. Where one does, on a "

@@ -34,7 +34,7 @@ class Certainty:
         friction: The same of friction along every velocity.
         identified: Half widths of the parameters of given formulas.
         relative: For M, V, g and D the half width over the size of the block (its root mean square over the profiles),
-            in the median along each profile, of which the root mean square is taken.
+            in the median along each profile, of which the root mean square is taken; none of a block that is zero.
         common_factor: Relative half width of the common factor of M, V and D (that of the mean of log det M); none
             where anything but a known g fixes it, or nothing.
         apart: As `relative` of M, V and D where that factor were known: what differs from `relative` is known of
@@ -237,6 +237,7 @@ def _only(profile: FrictionProfile, n: int) -> np.ndarray:
     return v
 
 
+_ROUNDING: Final = 1e-9
 _SCALED: Final = ("M", "V", "D")  # What has a common factor where g is known.
 _SYMBOLS: Final = {"mass": "M", "potential": "V", "inputs": "g", "dissipation": "D"}
 
@@ -252,10 +253,11 @@ def _relative(
             [np.reshape(each[i], (len(each[i]), -1)) for each in quantities] for quantities in (learned, widths)
         )
         size = float(np.sqrt(np.mean(np.concatenate(values) ** 2))) if values[0].size else 0.0
-        if size:
-            # A median of all together would be that of profiles along which an energy hardly changes.
-            typical = [np.median(np.sqrt(np.mean(half**2, axis=1))) for half in halves]
-            found[symbol] = float(np.sqrt(np.mean(np.square(typical)))) / size
+        # A median of all together would be that of profiles along which an energy hardly changes.
+        typical = [np.median(np.sqrt(np.mean(half**2, axis=1))) for half in halves]
+        width = float(np.sqrt(np.mean(np.square(typical))))
+        if size > _ROUNDING * width:  # V is zero, but for rounding, where training has closed it.
+            found[symbol] = width / size
     return found
 
 
