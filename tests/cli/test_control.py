@@ -303,8 +303,11 @@ def test_along_what_nothing_depends_on_no_target_is_far(arm, tmp_path, capsys, c
     ranges = dataclasses.replace(config.data.ranges, positions=((-0.1, 0.1),), cyclic=cyclic)
     write_run(run, dataclasses.replace(config, data=dataclasses.replace(config.data, ranges=ranges)))
     assert main(["control", str(run), "--target", "0.5", *QUICK]) == 0
-    warned = "warning: the target 0.5 of `q` is 0.4 outside its training data" in capsys.readouterr().err
+    told = capsys.readouterr()
+    warned = "warning: the target 0.5 of `q` is 0.4 outside its training data" in told.err
     assert warned == (not cyclic)
+    missed = "of the visited states lie outside of the data" in told.out
+    assert missed == (not cyclic and not re.search(r"successes +3 of 3", told.out))
 
 
 @pytest.mark.parametrize("turns", [-2, 0, 1, 300])

@@ -122,7 +122,7 @@ def test_files_that_cannot_be_read_are_refused_beside_those_that_can(described, 
     for part, name in (("train", "c"), ("train", "d"), ("train", "e"), ("test", "c")):
         assert [part, name, *"-------", "refused"] in lines
     findings = printed.out.partition("Findings\n")[2].splitlines()
-    assert findings[0].startswith("- refused in c (and 1 more: c): ")
+    assert findings[0].startswith("- refused in c [train] (and 1 more: c [test]): ")
     assert "a recording must have at least 2 rows; got 0" in findings[0]
     assert findings[1].startswith("- refused in d (and 1 more: e): ")
     assert "no column `u`; found `t, q, v`" in findings[1]

@@ -35,6 +35,21 @@ def check(tmp_path):
     return check_dataset(tmp_path / "arm.toml")
 
 
+def test_an_angle_that_was_logged_wrapped_is_drawn_without_wraps(tmp_path):
+    t = 0.01 * np.arange(400)
+    turning = 6.0 + 0.3 * np.sin(3 * t) + 0.2 * t
+    log = np.stack([t, np.mod(turning, 2 * np.pi), 0.9 * np.cos(3 * t) + 0.2, np.sin(5 * t)], axis=1)
+    log[50, 1] = np.nan
+    for name in ("a", "b"):
+        np.savetxt(tmp_path / f"{name}.csv", log, delimiter=",", header="t,q,v,u", comments="")
+    (tmp_path / "arm.toml").write_text(TEXT)
+    drawn = draw_check(check_dataset(tmp_path / "arm.toml")).axes[0].get_lines()[0].get_ydata()
+    drawn = np.asarray(drawn, float)
+    assert np.isnan(drawn[50])
+    there = np.isfinite(drawn)
+    assert drawn[there] == pytest.approx(turning[there])
+
+
 def test_each_recording_is_a_row_and_each_column_a_panel(check):
     before = dict(rcParams)
     figure = draw_check(check)

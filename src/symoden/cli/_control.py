@@ -39,6 +39,7 @@ from ._words import name_unfinished
 
 _TIMES: Final = 4  # As far as the tolerance is what tells nothing.
 _OUTSIDE: Final = 0.05  # Of the range of the data.
+_MOSTLY: Final = 0.5  # Of the visited states.
 
 
 def run(command: Control) -> None:
@@ -198,7 +199,7 @@ def _print(
             ["at the natural speed", f"{matching.moving:.2g}", f"({then})"],
         ]
         print_table("forces that no input matches, relative to the largest load", ("", "largest", "at q"), rows)
-    for line in (*_stuck_words(result), *_other_methods(result)):
+    for line in (*_stuck_words(result), *_other_methods(result), *_outside_words(result, outside)):
         print(line)
     if audit.share < 1:
         q, v = (", ".join(number(x) for x in part) for part in (audit.worst_q, audit.worst_v))
@@ -248,6 +249,15 @@ def _other_methods(result: ControlResult) -> Iterator[str]:
         if free.any() and not free.all():
             places = " ".join("-" if may else number(place) for may, place in zip(free, target, strict=True))
             yield f"{left}if what nothing depends on need not come to rest anywhere, `--target {places}` may not."
+
+
+def _outside_words(result: ControlResult, outside: float) -> Iterator[str]:
+    """That what was tried, and failed, says little where hardly any data are."""
+    if outside > _MOSTLY and not result.verdict.success.all():
+        yield (
+            f"{outside:.0%} of the visited states lie outside of the data, where the model is a guess: what fails "
+            "there tells little. Record motion there, or choose a target within."
+        )
 
 
 def _as_json(result: ControlResult, settings: ControlConfig, outside: float, command: Control) -> dict[str, object]:

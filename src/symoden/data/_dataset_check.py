@@ -96,9 +96,11 @@ def _told(check: DatasetCheck) -> str:
 def _grouped(check: DatasetCheck) -> Iterator[tuple[Finding, str]]:
     """What cannot be read, then findings of the data set and of recordings: the first of its kind, and who has it."""
     reasons: dict[str, tuple[Finding, list[str]]] = {}
+    times = Counter(each.name for each in check.unreadable)
     for each in check.unreadable:
         reason = each.finding.text.replace(str(each.path), "")  # Files with the same one are named together.
-        reasons.setdefault(reason, (each.finding, []))[1].append(each.name)
+        name = f"{each.name} [{each.part}]" if times[each.name] > 1 else each.name
+        reasons.setdefault(reason, (each.finding, []))[1].append(name)
     yield from ((finding, _where(names)) for finding, names in reasons.values())
     for finding in check.findings:
         yield finding, ""

@@ -3,6 +3,7 @@
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -59,7 +60,7 @@ def draw_check(check: DatasetCheck) -> Figure:
 
 
 def plot_channel(each: RecordingCheck, role: str, index: int, *, held: bool, ax: Axes) -> Axes:
-    """Draw one column of one recording in SI and rad, with the findings on it.
+    """Draw one column of one recording in SI and rad, angles without their wraps, with the findings on it.
 
     Args:
         each: The recording.
@@ -76,7 +77,7 @@ def plot_channel(each: RecordingCheck, role: str, index: int, *, held: bool, ax:
     first = since(log.ts)
     style = "steps-post" if held and role == "inputs" else "default"
     look = {"color": _LINES[role], "drawstyle": style, "linewidth": 0.7, "rasterized": True}
-    ax.plot(log.ts - first, log.signals[role][:, index], **look)
+    ax.plot(log.ts - first, _without_wraps(each, role, index), **look)
     known = log.ts[np.isfinite(log.ts)]
     least = _WIDEST * float(np.ptp(known)) if len(known) else 0.0
     kinds: list[str] = []
@@ -92,3 +93,13 @@ def plot_channel(each: RecordingCheck, role: str, index: int, *, held: bool, ax:
     ax.text(0.02, 0.97, ", ".join(dict.fromkeys(kinds)), transform=ax.transAxes, va="top", fontsize=_TINY, color=INK)
     tidy(ax).tick_params(labelsize=_TINY)
     return ax
+
+
+def _without_wraps(each: RecordingCheck, role: str, index: int) -> Float[np.ndarray, " T"]:
+    """A column; of an angle that was logged wrapped what it is taken for."""
+    values, name = each.log.signals[role][:, index].copy(), each.log.names[role][index]
+    wraps = any((found.kind, found.level, found.channel) == ("wrap", "note", name) for found in each.findings)
+    if wraps and role == "positions":
+        known = np.isfinite(values)
+        values[known] = np.unwrap(values[known])
+    return values

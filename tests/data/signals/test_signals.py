@@ -50,14 +50,14 @@ def test_one_row_off_the_grid_hides_no_step(rows):
 
 
 @given(
-    lag=st.floats(0.005, 0.1),
+    lag=st.floats(0.01, 0.1),
     seconds=st.floats(0.3, 3.0),
     rest=st.floats(0.0, 0.1),
     strokes=st.integers(1, 4),
     resolution=st.sampled_from([0.0, 1.5e-5]),
 )
 def test_a_steady_motion_is_not_rounded_to_what_it_moves_in_a_sample(lag, seconds, rest, strokes, resolution):
-    """A motor whose voltage is switched on, off and round."""
+    """A motor whose voltage is switched on, off and round, and that takes some samples to follow."""
     step = 0.005
     v, volts = [0.0] * round(rest / step), [1.0 if k % 2 else -1.0 for k in range(1, strokes + 1)]
     for volt in np.repeat(volts, round(seconds / step)):
