@@ -353,7 +353,7 @@ def longer_data(dataset: Dataset, dynamics: AbstractDynamics, data: Data, config
     Returns:
         Windows twice and four times as long.
     """
-    fewest = _FEWEST_IN_TURN if energies_are_given(dynamics) else _FEWEST_LONGER
+    fewest = _FEWEST_IN_TURN if data.in_turn or energies_are_given(dynamics) else _FEWEST_LONGER
     found = []
     for factor in LONGER if config.lm_horizon is None else ():
         horizon = factor * (data.train.ts.shape[1] - 1)
