@@ -19,7 +19,7 @@ from symoden.training._ensemble import train_members
 from symoden.training._flatten import Flattening
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._prepare import prepare
-from symoden.training._run import Stopwatch
+from symoden.training._stopwatch import Stopwatch
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=())

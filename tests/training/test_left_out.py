@@ -22,7 +22,7 @@ from symoden.training._levenberg_marquardt import levenberg_marquardt_step
 from symoden.training._objective import Batch
 from symoden.training._prepare import prepare
 from symoden.training._residuals import evaluate_loss
-from symoden.training._run import Stopwatch
+from symoden.training._stopwatch import Stopwatch
 from symoden.training._verdicts import CHANCE, CLEAR, Judge
 
 CONSTANT = BlockConfig(constant=True)

@@ -14,7 +14,7 @@ import pytest
 from symoden.models import BlockConfig, load
 from symoden.storage import StorageError, load_arrays, save_arrays
 from symoden.training import Progress, _levenberg_stage, _line_up, fit
-from symoden.training._run import Stopwatch
+from symoden.training._stopwatch import Stopwatch
 
 PROGRAM = """
 import sys
@@ -128,7 +128,7 @@ def test_a_time_limit_says_how_far_training_came_and_few_of_the_stages_to_come()
 )
 def test_a_step_that_would_end_after_the_time_limit_is_not_begun(monkeypatch, ends, over):
     clock = iter([0.0, *ends])
-    monkeypatch.setattr("symoden.training._run.time.monotonic", lambda: float(next(clock)))
+    monkeypatch.setattr("symoden.training._stopwatch.time.monotonic", lambda: float(next(clock)))
     watch = Stopwatch(1.0)
     assert [watch.is_over() for _ in ends] == [*[False] * (len(ends) - 1), over]
 

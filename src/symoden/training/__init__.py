@@ -16,6 +16,12 @@ from ._fit import (
     fit as fit,
     ignore as ignore,
 )
+from ._journal import (
+    CHECKPOINTS as CHECKPOINTS,
+    ENSEMBLE as ENSEMBLE,
+    MODEL as MODEL,
+    POSTERIOR as POSTERIOR,
+)
 from ._laplace import (
     Laplace as Laplace,
     infer_posterior as infer_posterior,
@@ -23,14 +29,8 @@ from ._laplace import (
     save_laplace as save_laplace,
 )
 from ._posterior import AbstractPosterior as AbstractPosterior, AbstractScatter as AbstractScatter
-from ._run import (
-    CHECKPOINTS as CHECKPOINTS,
-    ENSEMBLE as ENSEMBLE,
-    MODEL as MODEL,
-    POSTERIOR as POSTERIOR,
-    Progress as Progress,
-)
 from ._scales import measure_scales as measure_scales, time_scale as time_scale
+from ._stopwatch import Progress as Progress
 
 __all__ = [
     "CHECKPOINTS",

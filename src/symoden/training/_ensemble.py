@@ -26,9 +26,9 @@ from ._levenberg_stage import LevenbergStage
 from ._objective import Batch
 from ._posterior import AbstractPosterior, AbstractScatter, Quantities, Restore
 from ._residuals import evaluate_loss
-from ._run import Progress, Stopwatch
 from ._stages import EXACT, EXPLAINED, AbstractStage
 from ._state import TrainingState
+from ._stopwatch import Progress, Stopwatch
 
 FEWEST_MEMBERS: Final = 2
 """Fewest members whose scatter makes bands."""

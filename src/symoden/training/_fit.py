@@ -27,13 +27,15 @@ from ._config import TrainingConfig
 from ._ensemble import FEWEST_MEMBERS, Ensemble, Pattern, check_members, train_members
 from ._first_guess import as_heavy
 from ._flatten import cast, freed
+from ._journal import MODEL, Journal
 from ._laplace import infer_posterior
 from ._levenberg_stage import LevenbergStage
 from ._posterior import AbstractPosterior
 from ._prepare import Prepared, prepare
-from ._run import MODEL, Journal, Progress, Stopwatch, ignore, run
+from ._run import run
 from ._stages import AbstractStage
 from ._state import Findings, TrainingState
+from ._stopwatch import Progress, Stopwatch, ignore
 
 _ROUNDS: Final = 3  # What is small beside a push is seen once that is left out.
 _STATES = 512  # Where V's slope is looked at.

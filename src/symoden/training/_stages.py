@@ -1,7 +1,7 @@
 """What a stage of training is: it advances one state by one checkpointable stride."""
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
 from symoden.mechanics import AbstractDynamics
@@ -83,3 +83,15 @@ class AbstractStage(abc.ABC):
     @abc.abstractmethod
     def settled(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
         """State with the best model so far, where training stops before the stage has ended; and the verdict on it."""
+
+
+def names_of(stages: Sequence[AbstractStage]) -> list[str]:
+    """What reports call stages.
+
+    Args:
+        stages: Some of them.
+
+    Returns:
+        Their names.
+    """
+    return [stage.name for stage in stages]
