@@ -136,7 +136,7 @@ REFUSED = {
     unknown_kind: r"`kind` must be .*dissipative.*; got 'magic'",
     number_for_layers: r"`potential`, `hidden` must be tuple.*; got 4",
     without_data: r"must have the key `data`",
-    negative_count: r"`batch_size` must be at least 1; got 0",
+    negative_count: r"`batch_size` must be a whole number of at least 1; got 0",
     one_bound: r"`ranges`, `rates` must be tuple\[float, float\]; got \[1.0\]",
 }
 

@@ -173,7 +173,7 @@ def test_more_windows_judge_longer_ones_and_many_judge_all(prepared, count, in_t
     assert {stage.margin for stage in many if stage.name.startswith("longer windows")} == {-CLEAR}
 
 
-def test_longer_windows_may_be_few_where_energies_are_given(prepared, resting):
+def test_longer_windows_may_be_few_where_few_numbers_are_learned(prepared, resting):
     held, model, _ = prepared
     data = levenberg_data(held, model, CONFIG)
     long = longer_data(held, model, data, CONFIG)
@@ -183,7 +183,8 @@ def test_longer_windows_may_be_few_where_energies_are_given(prepared, resting):
     for samples in (20, 40, 60):  # Of thinned ones fewer than six are left.
         assert not longer_data(held, model, data, dataclasses.replace(CONFIG, lm_samples=samples))
     free = prepare(dataclasses.replace(resting, known=None), MODEL, CONFIG)[1].model
-    assert not longer_data(held, free, data, CONFIG)
+    assert longer_data(held, free, data, CONFIG)  # Of one coordinate, without energies that are given.
+    assert not longer_data(held, free, data._replace(in_turn=False), CONFIG)
 
 
 def test_a_verdict_that_takes_too_long_is_left_to_the_next_run(resting, whole, tmp_path, monkeypatch):
