@@ -29,6 +29,7 @@ from symoden.integrate import RK4, rollout
 from symoden.models import BlockConfig, ModelConfig, build, rescale
 from symoden.spaces import Space
 from symoden.training import Ensemble, TrainingConfig, fit, hold_out, infer_posterior
+from symoden.training._flatten import Flattening
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(
@@ -85,6 +86,25 @@ def test_bands_contain_the_truth_of_a_pendulum_in_noise(learned):
     assert band.accelerations["inputs"] == pytest.approx(band.relative["g"], rel=1e-3)
     assert band.accelerations["friction"] == pytest.approx(band.relative["D"], rel=1e-3)
     assert 0 < band.accelerations["potential"] < 0.3
+
+
+def test_of_free_motion_nothing_is_said_of_inputs(learned):
+    """Means over no inputs would be none, with a warning of NumPy's."""
+    _, dataset = learned
+    model = build(MODEL, Space.parse("T1"), 0, key=jax.random.key(0))
+    free = [dataclasses.replace(each, us=each.us[:, :0]) for each in dataset.train]
+    restore, theta = Flattening.of(model, corrections=0)
+    ensemble = Ensemble(
+        restore=restore,
+        theta=np.asarray(theta),
+        windows=9,
+        members=np.asarray(theta) + 0.01 * np.random.default_rng(0).normal(size=(3, len(theta))),
+        tried=3,
+        corrections=0,
+    )
+    band = certainty(ensemble, inspect_model(model, Ranges.of(free, model.space)))
+    assert {"V", "D"} <= set(band.relative) <= {"M", "V", "D"}
+    assert set(band.accelerations) == {"potential", "friction"}
 
 
 def test_the_gauge_changes_no_relative_band(learned):

@@ -252,7 +252,9 @@ def _relative(
         values, halves = (
             [np.reshape(each[i], (len(each[i]), -1)) for each in quantities] for quantities in (learned, widths)
         )
-        size = float(np.sqrt(np.mean(np.concatenate(values) ** 2))) if values[0].size else 0.0
+        if not values[0].size:  # Of free motion there are no inputs.
+            continue
+        size = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
         # A median of all together would be that of profiles along which an energy hardly changes.
         typical = [np.median(np.sqrt(np.mean(half**2, axis=1))) for half in halves]
         width = float(np.sqrt(np.mean(np.square(typical))))
