@@ -73,14 +73,7 @@ def is_silent(node: object) -> bool:
     """
     if not isinstance(node, Correction):
         return False
-    match node.function:
-        case Network(perceptron=last):
-            numbers = (last.weights[-1], last.biases[-1])
-        case Harmonics(weights=weights) | FourierSeries(weights=weights):
-            numbers = (weights,)
-        case _:
-            return False
-    return not any(np.any(np.asarray(each)) for each in numbers)
+    return isinstance(node.function, Network | Harmonics | FourierSeries) and _is_zero(node)
 
 
 def silenced(model: PyTree, kinds: int) -> PyTree:
@@ -121,10 +114,12 @@ def kinds_in_use(model: PyTree) -> int:
 
 def _is_zero(correction: Correction) -> bool:
     """Whether a correction is zero everywhere, by its weights: at single places one that is free may be zero."""
-    if isinstance(correction.function, Network):
-        return is_silent(correction)
-    learned = jax.tree.leaves(eqx.filter(correction, trainable(correction)))
-    return not any(np.any(np.asarray(each)) for each in learned)
+    match correction.function:
+        case Network(perceptron=last):
+            numbers = [last.weights[-1], last.biases[-1]]
+        case function:
+            numbers = jax.tree.leaves(eqx.filter(function, trainable(function)))
+    return not any(np.any(np.asarray(each)) for each in numbers)
 
 
 def count_active(model: PyTree) -> int:

@@ -23,24 +23,19 @@ from ._tracking import Tracking
 _FORMAT: Final = FileFormat(
     "symoden-controller-1",
     "controller",
-    {
-        **MODULES,
-        **{
-            module.__name__: module
-            for module in (
-                Regulator,
-                EnergyShaping,
-                Handover,
-                EnergyPump,
-                CollocatedPump,
-                Follower,
-                Tracking,
-                IdaPbc,
-                ControlledLagrangian,
-                Expansion,
-            )
-        },
-    },
+    (
+        *MODULES,
+        Regulator,
+        EnergyShaping,
+        Handover,
+        EnergyPump,
+        CollocatedPump,
+        Follower,
+        Tracking,
+        IdaPbc,
+        ControlledLagrangian,
+        Expansion,
+    ),
     "Make it anew where it runs: `symoden.design(model, target, …)`.",
 )
 

@@ -28,6 +28,20 @@ class Tolerance:
     velocity: float = 0.1
     hold: float = 2.0
 
+    def check_duration(self, seconds: float) -> None:
+        """Refuse episodes in which a target cannot be kept for long enough.
+
+        Args:
+            seconds: How long they last [s].
+
+        Raises:
+            ValueError: If that is shorter than `hold`.
+        """
+        if seconds < self.hold * (1 - _ROUNDING):
+            raise ValueError(
+                f"Episodes must last at least {self.hold:g} s, for which the target has to be kept; got {seconds:g} s."
+            )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verdict:
@@ -71,11 +85,7 @@ def judge(
     """
     near = Tolerance() if tolerance is None else tolerance
     ts = np.asarray(episodes.ts)[0]
-    lasts = len(ts) * (ts[-1] - ts[0]) / max(len(ts) - 1, 1)
-    if lasts < near.hold * (1 - _ROUNDING):
-        raise ValueError(
-            f"Episodes must last at least {near.hold:g} s, for which the target has to be kept; got {lasts:g} s."
-        )
+    near.check_duration(len(ts) * (ts[-1] - ts[0]) / max(len(ts) - 1, 1))
     wanted = ~np.isnan(np.asarray(target)) if np.ndim(target) == 1 else np.ones(space.size, bool)
     e = np.asarray(episodes.q) - np.where(wanted, target, 0.0)
     e = np.where(space.is_angle, np.mod(e + np.pi, 2 * np.pi) - np.pi, e)

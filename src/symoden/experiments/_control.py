@@ -94,11 +94,7 @@ class ControlConfig:
             ValueError: If there is no episode, the seed is negative, the largest input is not positive, episodes are
                 too short to be judged, or all together are too long.
         """
-        if self.loop.duration < Tolerance().hold:
-            raise ValueError(
-                f"Episodes must last at least {Tolerance().hold:g} s, for which the target has to be kept; got "
-                f"{self.loop.duration:g} s."
-            )
+        Tolerance().check_duration(self.loop.duration)
         if self.episodes < 1 or self.seed < 0:
             raise ValueError(f"Episodes must be at least 1 and the seed 0; got {self.episodes} and {self.seed}.")
         if self.episodes * self.loop.samples > MOST_PERIODS:

@@ -1,9 +1,11 @@
 """Trees of modules as safetensors whose metadata hold the structure: loading rebuilds them without running code."""
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,20 +17,27 @@ from symoden.storage import StorageError, load_arrays, save_arrays
 _LADDER = {1: blocks.FRICTION, 2: blocks.DIRECTIONS}  # Rungs that corrections but networks had in older files.
 
 
-class FileFormat(NamedTuple):
+@final
+@dataclass(frozen=True)
+class FileFormat:
     """A kind of file that holds one module of this library.
 
     Attributes:
         name: What the file calls it.
         holds: What it holds, in a word.
-        modules: Classes that it may be made of, by name; no others are ever built.
+        modules: Classes that it may be made of; no others are ever built.
         instead: What to do with what cannot be saved.
     """
 
     name: str
     holds: str
-    modules: Mapping[str, type[eqx.Module]]
+    modules: tuple[type[eqx.Module], ...]
     instead: str
+
+    @functools.cached_property
+    def _by_name(self) -> Mapping[str, type[eqx.Module]]:
+        """The classes by the names that files have them by."""
+        return {module.__name__: module for module in self.modules}
 
     def write(self, path: Path | str, module: eqx.Module) -> None:
         """Write a file.
@@ -84,7 +93,7 @@ class FileFormat(NamedTuple):
 
     def _describe(self, node: object, path: str, arrays: dict[str, np.ndarray]) -> Any:  # noqa: ANN401 - JSON
         """Structure of a tree as JSON, its arrays being collected by their path."""
-        if isinstance(node, eqx.Module) and self.modules.get(type(node).__name__) is type(node):
+        if isinstance(node, eqx.Module) and type(node) in self.modules:
             fields = {
                 f.name: self._describe(getattr(node, f.name), f"{path}.{f.name}", arrays)
                 for f in dataclasses.fields(node)
@@ -110,7 +119,7 @@ class FileFormat(NamedTuple):
             return description
         if "array" in description:
             return jnp.asarray(arrays[description["array"]])
-        module = self.modules[description["module"]]
+        module = self._by_name[description["module"]]
         fields = {name: self._restore(value, arrays) for name, value in description["fields"].items()}
         if "rung" in fields:
             rung = fields.pop("rung")

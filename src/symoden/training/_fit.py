@@ -245,12 +245,9 @@ def _trained(
         resume = False
     if before is not None and state.stage < len(stages) and state.stage <= before[2].stage:
         # Stopped before it is as good. What there is instead is not complete, whatever stage it was found after.
-        prepared, config, state, findings = (
-            before[0],
-            before[1],
-            before[2],
-            before[3]._replace(outcome=findings.outcome),
-        )
+        outcome = findings.outcome
+        prepared, config, state, findings = before
+        findings = findings._replace(outcome=outcome)
         state = state._replace(stage=min(state.stage, len(prepared.stages) - 1))
     return prepared, config, state, findings
 
