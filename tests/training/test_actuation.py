@@ -6,10 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import ACTUATION
+from symoden.blocks import ACTUATION, kinds_in_use
 from symoden.models import BlockConfig, ModelConfig
 from symoden.training import fit
-from symoden.training._flatten import freed
 
 MODEL = ModelConfig(
     inverse_mass=BlockConfig(constant=True),
@@ -33,7 +32,7 @@ def test_a_force_that_turns_with_the_body_is_found_and_a_torque_stays_constant(
     result = fit(dataset, model=MODEL, config=second_order)
     found: Any = result.model
     assert result.verdicts["actuation"].startswith(verdict)
-    assert freed(found) == kinds
+    assert kinds_in_use(found) == kinds
     for angle in (-0.8, 0.0, 0.8):
         q = jnp.array([angle])
         gain = float((found.inverse_mass_matrix(q) @ found.input_matrix(q))[0, 0])

@@ -7,12 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import FRICTION, POTENTIAL
+from symoden.blocks import FRICTION, POTENTIAL, kinds_in_use
 from symoden.models import BlockConfig, ModelConfig, awaken, build
 from symoden.spaces import Space
 from symoden.training import _data
 from symoden.training._beginnings import Without
-from symoden.training._flatten import freed
 from symoden.training._state import Report
 
 CONSTANT = BlockConfig(constant=True)
@@ -42,10 +41,10 @@ def test_dry_friction_takes_the_place_of_a_network_of_lengths(awake, driven, sec
     assert stage.applies(state) == awake
     if awake:
         state, report = stage.start(state), Report(0.0, None, finished=False)
-        assert freed(state.best) == 0
+        assert kinds_in_use(state.best) == 0
         while not report.finished:
             state, report = stage.advance(state)
         assert str(report.verdict).startswith("kept")
-        assert freed(state.best) == FRICTION
+        assert kinds_in_use(state.best) == FRICTION
         slopes = jax.vmap(jax.grad(state.best.potential_energy))(jnp.linspace(-1.0, 1.0, 21)[:, None])
         assert np.abs(slopes).max() < 0.1  # Of 1.5 that friction takes.

@@ -8,14 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import FRICTION
+from symoden.blocks import FRICTION, kinds_in_use
 from symoden.known import Body, KnownParts, Robot
 from symoden.models import BlockConfig, build
 from symoden.spaces import Space
 from symoden.systems import LinkChain, Pendulum
 from symoden.training._data import hold_out, regression_data
 from symoden.training._first_guess import FirstGuess, as_heavy, begin_with, can_be_guessed, guess
-from symoden.training._flatten import Flattening, cast, freed
+from symoden.training._flatten import Flattening, cast
 from symoden.training._line_up import line_up
 from symoden.training._prepare import prepare
 from symoden.training._relevance import Relevance
@@ -184,7 +184,7 @@ def test_dry_friction_is_there_from_the_start_where_validation_asks_for_it(drive
         assert found.dry == pytest.approx([dry], rel=0.1)
         q, fast = jnp.zeros(1), jnp.array([3.0])
         assert np.asarray(begun.dissipation_matrix(q, fast) @ fast) == pytest.approx([0.9 + dry], rel=0.1)
-        assert freed(begun) == FRICTION
+        assert kinds_in_use(begun) == FRICTION
         _, laws = Flattening.of(begun, corrections=FRICTION)
         pulled = Relevance.start(begun, 1.0).precisions(begun, FRICTION) * np.asarray(laws) ** 2
         assert pulled.max() < 10 < np.max(np.asarray(laws) ** 2)  # Else the first step undoes it.

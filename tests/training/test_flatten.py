@@ -15,12 +15,13 @@ from symoden.blocks import (
     POTENTIAL,
     Correction,
     Network,
+    kinds_in_use,
     silenced,
     without_silent,
 )
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
-from symoden.training._flatten import Flattening, freed
+from symoden.training._flatten import Flattening
 
 FULL = ModelConfig(
     inverse_mass=BlockConfig(hidden=(3,), constant=True),
@@ -64,14 +65,14 @@ def test_what_is_free_or_says_something_stays(small, scrambled):
 @pytest.mark.parametrize("space", ["T1", "R1 T1", "R2"])
 def test_what_is_free_is_told_by_its_weights_whatever_its_value_at_some_place(space, scrambled):
     plain = build(ModelConfig(), Space.parse(space), 1, key=jax.random.key(3))
-    assert freed(plain) == 0
+    assert kinds_in_use(plain) == 0
     loud, kinds = scrambled(plain, 1, 0.3), 0
     for kind in (FRICTION, DIRECTIONS, ACTUATION, NETWORKS, INERTIA, POTENTIAL):
         alone = silenced(loud, CORRECTIONS & ~kind)
-        assert freed(alone) in {0, kind}
-        kinds |= freed(alone)
-    assert kinds == freed(loud)
-    assert bool(freed(loud) & INERTIA) == ("T" in space)  # On "R1 T1" it is zero wherever the length is.
+        assert kinds_in_use(alone) in {0, kind}
+        kinds |= kinds_in_use(alone)
+    assert kinds == kinds_in_use(loud)
+    assert bool(kinds_in_use(loud) & INERTIA) == ("T" in space)  # On "R1 T1" it is zero wherever the length is.
 
 
 @pytest.mark.parametrize("space", ["T1", "R1 T1", "R2"])
@@ -79,8 +80,8 @@ def test_what_is_free_is_told_by_its_weights_whatever_its_value_at_some_place(sp
 def test_corrections_are_closed_by_their_kinds(space, closed, scrambled):
     plain = build(FULL, Space.parse(space), 1, key=jax.random.key(3))
     loud = scrambled(plain, 1, 0.3)
-    assert freed(loud) & closed or not closed
-    assert freed(silenced(loud, closed)) == freed(loud) & ~closed
+    assert kinds_in_use(loud) & closed or not closed
+    assert kinds_in_use(silenced(loud, closed)) == kinds_in_use(loud) & ~closed
     restore, theta = Flattening.of(silenced(loud, closed), corrections=0)
     assert theta == pytest.approx(Flattening.of(loud, corrections=0)[1])  # All else stays as it is.
     state = jnp.linspace(0.3, 0.9, 2 * plain.space.size)

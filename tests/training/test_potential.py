@@ -8,11 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import FRICTION, POTENTIAL, Polynomial
+from symoden.blocks import FRICTION, POTENTIAL, Polynomial, kinds_in_use
 from symoden.models import BlockConfig, ModelConfig, awaken, build
 from symoden.spaces import Space
 from symoden.training import fit
-from symoden.training._flatten import freed
 
 CONSTANT = BlockConfig(constant=True)
 MODEL = ModelConfig(
@@ -61,7 +60,7 @@ def wavy(q):
 def test_a_network_is_set_free_where_no_polynomial_will_do(slope, kinds, driven, second_order):
     dataset = driven(masses(slope), [0.0], space="R1", amplitude=3.0, fastest=3.0, input_matrix=np.eye(1))
     result = fit(dataset, model=MODEL, config=replace(second_order, lm_steps=20, growth_steps=40))
-    assert freed(result.model) == kinds
+    assert kinds_in_use(result.model) == kinds
     low, high = (f([f(each.q) for each in dataset.train]) for f in (np.min, np.max))
     assert worst(result.model, slope, [low], [high]) < 0.05
 
@@ -70,8 +69,8 @@ def test_a_network_is_set_free_where_no_polynomial_will_do(slope, kinds, driven,
 def test_only_a_network_of_lengths_is_awoken(space):
     model: Any = build(MODEL, Space.parse(space), 1, key=jax.random.key(0))
     awake: Any = awaken(model, key=jax.random.key(1))
-    assert freed(model) == 0
-    assert freed(awake) == (POTENTIAL if space == "R2" else 0)
+    assert kinds_in_use(model) == 0
+    assert kinds_in_use(awake) == (POTENTIAL if space == "R2" else 0)
     assert isinstance(model.potential.function.terms[0], Polynomial) == (space == "R2")
     assert jax.tree.structure(awake) == jax.tree.structure(model)
 
@@ -86,7 +85,7 @@ def test_harmonics_of_single_angles_are_found_where_there_are_some(slope, kinds,
     dataset = driven(masses(slope), [0.5], space="T1", amplitude=3.0, noise=0.002, input_matrix=np.eye(1))
     model = replace(MODEL, potential=BlockConfig(hidden=(3,), harmonics=True))
     result = fit(dataset, model=model, config=second_order)
-    assert freed(result.model) == kinds
+    assert kinds_in_use(result.model) == kinds
     assert worst(result.model, slope, [-3.0], [3.0]) < 0.05
 
 
@@ -104,7 +103,7 @@ def test_cogging_and_dry_friction_are_found_together(cogging, driven, second_ord
     kept = [name for name, verdict in result.verdicts.items() if verdict.startswith("kept")]
     found = [["potential", "friction"], ["friction", "potential and friction"]] if cogging else [["friction"]]
     assert kept in found
-    assert freed(result.model) == FRICTION | (POTENTIAL if cogging else 0)
+    assert kinds_in_use(result.model) == FRICTION | (POTENTIAL if cogging else 0)
     assert worst(result.model, slope, [-2.0], [2.0]) < 0.1
 
 

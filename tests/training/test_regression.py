@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.blocks import ACTUATION, FRICTION, Correction, trainable
+from symoden.blocks import ACTUATION, FRICTION, Correction, kinds_in_use, trainable
 from symoden.integrate import RK4
 from symoden.models import KINDS, BlockConfig, build
 from symoden.spaces import Space
@@ -17,7 +17,7 @@ from symoden.training import TrainingConfig, _ensemble, fit
 from symoden.training._adam_stage import AdamStage
 from symoden.training._beginnings import Best, Untrained
 from symoden.training._data import adam_data, hold_out, levenberg_data, regression_data
-from symoden.training._flatten import cast, freed
+from symoden.training._flatten import cast
 from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
 from symoden.training._relevance import Relevance
@@ -134,7 +134,7 @@ def test_it_begins_anew_without_laws_of_friction_and_learns_priors_after_plain_s
     while report is None or not report.finished:
         state, report = stage.advance(state)
         variances.append(float(state.memory.variance) > 0)
-        assert freed(state.model) == ACTUATION
+        assert kinds_in_use(state.model) == ACTUATION
     assert variances == [False, False, True, True]
     assert eqx.tree_equal(dataclasses.replace(stage, margin=1e9)._undone(state).best, cast(before, float))
 

@@ -9,13 +9,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from symoden.blocks import trainable, without_silent
+from symoden.blocks import kinds_in_use, trainable, without_silent
 from symoden.mechanics import AbstractDynamics
 
 from ._adam import MOST_STEPS, Adam, AdamState, Sampler, adam_steps
 from ._config import TrainingConfig
 from ._data import Data
-from ._flatten import Flattening, cast, freed
+from ._flatten import Flattening, cast
 from ._relevance import Relevance
 from ._residuals import evaluate_loss
 from ._stages import AbstractStage, Clock, never
@@ -99,7 +99,7 @@ class AdamStage(AbstractStage):
     @functools.cached_property
     def _kinds(self) -> int:
         """Corrections that do not begin at zero, and so are trained."""
-        return freed(self.fresh)
+        return kinds_in_use(self.fresh)
 
     @functools.cached_property
     def _optimizer(self) -> Adam:

@@ -10,11 +10,10 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from symoden.blocks import DIRECTIONS, FRICTION, Correction, Harmonics, Polynomial, silenced
+from symoden.blocks import DIRECTIONS, FRICTION, Correction, Harmonics, Polynomial, kinds_in_use, silenced
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel, given_parts
 
-from ._flatten import freed
 from ._levenberg_marquardt import CLOSED
 from ._relevance import Relevance
 from ._state import Incumbent, TrainingState
@@ -93,7 +92,7 @@ class AbstractBeginning(abc.ABC):
             Their kinds.
         """
         del before
-        return freed(model)
+        return kinds_in_use(model)
 
     def anew(self, fresh: AbstractDynamics) -> "AbstractBeginning":
         """The same where it is the best model; else with another draw of weights.
@@ -158,7 +157,7 @@ class Without(AbstractBeginning):
 
     def applies(self, state: TrainingState) -> bool:
         """Whether one of them is free."""
-        return bool(self.kinds & freed(state.best))
+        return bool(self.kinds & kinds_in_use(state.best))
 
 
 @final
@@ -241,7 +240,7 @@ class Untrained(AbstractBeginning):
 
     def free(self, model: AbstractDynamics, before: AbstractDynamics) -> int:
         """What is free of both."""
-        return freed(model) | freed(before) & ~(FRICTION | DIRECTIONS)
+        return kinds_in_use(model) | kinds_in_use(before) & ~(FRICTION | DIRECTIONS)
 
     def anew(self, fresh: AbstractDynamics) -> "Untrained":
         """Another draw."""

@@ -11,6 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
+from symoden.blocks import kinds_in_use
 from symoden.data import DataError, Dataset, Trajectory, least_motion, whole_name, windows, without_poor_ends
 from symoden.integrate import HOLDS, Hold
 from symoden.mechanics import AbstractDynamics
@@ -18,7 +19,7 @@ from symoden.spaces import Space
 
 from ._config import Span, TrainingConfig
 from ._data import Data, hold_out, regression_data
-from ._flatten import cast, freed
+from ._flatten import cast
 from ._left_out import Contender, without
 from ._levenberg_stage import LevenbergStage
 from ._objective import AbstractObjective, Batch
@@ -114,7 +115,7 @@ class Screening:
         weighing = Weighing.plain(model.space.embedded_size + model.space.size)
         stage = LevenbergStage(self.data, self.config, "trimmed", _STEPS)
         step = functools.partial(stage.step, substeps=state.substeps, weighing=weighing, priors=priors)
-        whole = Contender(model, freed(model), step, _ROUNDS * _STEPS, self.config.damping)
+        whole = Contender(model, kinds_in_use(model), step, _ROUNDS * _STEPS, self.config.damping)
         usual = before
         for _ in range(_ROUNDS):
             worst = np.argsort((left / usual).max(axis=1))[-trimmed:]

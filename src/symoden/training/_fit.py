@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL
+from symoden.blocks import ACTUATION, INERTIA, NETWORKS, POTENTIAL, kinds_in_use
 from symoden.data import Dataset, DataWarning
 from symoden.integrate import FEWEST_SUBSTEPS, RK4
 from symoden.mechanics import AbstractDynamics
@@ -26,7 +26,7 @@ from ._adam_stage import AdamStage
 from ._config import TrainingConfig
 from ._ensemble import FEWEST_MEMBERS, Ensemble, Pattern, check_members, train_members
 from ._first_guess import as_heavy
-from ._flatten import cast, freed
+from ._flatten import cast
 from ._journal import MODEL, Journal
 from ._laplace import infer_posterior
 from ._levenberg_stage import LevenbergStage
@@ -316,7 +316,7 @@ def _pattern(
     if not isinstance(last, LevenbergStage) or last.regresses:
         raise TypeError("The best model must come from Levenberg-Marquardt on rollouts.")
     # What an earlier stage set free and validation kept is open, though the last one did not change it.
-    kinds = last.corrections | freed(state.best)
+    kinds = last.corrections | kinds_in_use(state.best)
     first: dict[type[AbstractStage], AbstractStage] = {}
     for stage in stages:
         if isinstance(stage, LevenbergStage) and stage.regresses:
@@ -328,6 +328,6 @@ def _pattern(
     rollouts = (each.data for each in stages if isinstance(each, LevenbergStage) and not each.regresses)
     shorter = {each.train.ts.shape[1]: each.train for each in rollouts if not each.parted}
     windows = tuple(shorter[length] for length in sorted(shorter) if length < horizon)
-    draw = functools.partial(fresh, awake=bool(freed(state.best) & POTENTIAL))
+    draw = functools.partial(fresh, awake=bool(kinds_in_use(state.best) & POTENTIAL))
     last = dataclasses.replace(last, corrections=kinds, frees=last.frees or bool(kinds & NETWORKS))
     return Pattern(lambda number: draw(config.restarts + number), tuple(first.values()), windows, last, state)

@@ -10,7 +10,7 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float, PyTree
 
-from symoden.blocks import is_silent, kinds_in_use, trainable, without_silent
+from symoden.blocks import is_silent, trainable, without_silent
 
 
 @final
@@ -69,11 +69,6 @@ class Flattening(eqx.Module):
         leaves = [part.reshape(shape) for part, shape in zip(parts, self.shapes, strict=True)]
         leaves = leaves if traced else jax.device_put(leaves)  # See `cast`.
         return eqx.combine(jax.tree.unflatten(self.structure, leaves), self.fixed)
-
-
-def freed(model: PyTree) -> int:
-    """Which kinds of corrections of a model training has set free and kept."""
-    return kinds_in_use(model)
 
 
 def drawn(model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:

@@ -13,7 +13,7 @@ import scipy.linalg
 import scipy.stats
 from jaxtyping import Array, Float, Int
 
-from symoden.blocks import DIRECTIONS, FRICTION, JointFriction, count_parameters
+from symoden.blocks import DIRECTIONS, FRICTION, JointFriction, count_parameters, kinds_in_use
 from symoden.data import Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
@@ -22,7 +22,7 @@ from symoden.storage import StorageError, load_arrays, save_arrays
 
 from ._config import TrainingConfig
 from ._data import hold_out, levenberg_data
-from ._flatten import Flattening, cast, freed
+from ._flatten import Flattening, cast
 from ._gauss_newton import MOST_PARAMETERS, Linearization
 from ._level import LEAST_WINDOWS, expected_level
 from ._objective import measured_channels
@@ -230,7 +230,7 @@ def _open_parts(model: AbstractDynamics) -> tuple[AbstractDynamics, Flattening, 
         ValueError: If there are none, or too many.
     """
     model = cast(model, float)
-    corrections = freed(model) | (DIRECTIONS if _is_even(model) else 0)
+    corrections = kinds_in_use(model) | (DIRECTIONS if _is_even(model) else 0)
     size = count_parameters(model, corrections=corrections)
     if not 0 < size <= MOST_PARAMETERS:
         hint = "Train a smaller one" if size else "All of it is given, and nothing uncertain"
@@ -242,7 +242,7 @@ def _is_even(model: AbstractDynamics) -> bool:
     """Whether friction's laws were set free, and no difference between the directions was kept."""
     if not isinstance(model, StructuredModel) or not isinstance(model.friction, JointFriction):
         return False
-    return model.friction.directions is not None and freed(model) & (FRICTION | DIRECTIONS) == FRICTION
+    return model.friction.directions is not None and kinds_in_use(model) & (FRICTION | DIRECTIONS) == FRICTION
 
 
 def _priors(model: AbstractDynamics, q: Float[Array, "W n"], prior: float, corrections: int) -> Float[np.ndarray, " P"]:

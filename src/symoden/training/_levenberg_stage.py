@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.blocks import FRICTION, count_parameters
+from symoden.blocks import FRICTION, count_parameters, kinds_in_use
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 
 from ._beginnings import AbstractBeginning, Best
 from ._config import TrainingConfig
 from ._data import Data
-from ._flatten import Flattening, cast, drawn, freed
+from ._flatten import Flattening, cast, drawn
 from ._left_out import Contender, by_left_out
 from ._level import expected_level, weigh
 from ._levenberg_marquardt import LevenbergState, LevenbergStep, Prior, levenberg_marquardt_step
@@ -91,7 +91,7 @@ class LevenbergStage(AbstractStage):
         free = self._free(state.best, state.best)
         if state.origin < self.after or not count_parameters(state.best, corrections=free):
             return False
-        if self.unless & freed(state.best) or not self.begins.applies(state):
+        if self.unless & kinds_in_use(state.best) or not self.begins.applies(state):
             return False
         untrained = self.begins.untrained
         if self.margin is not None and not untrained and not math.isfinite(state.best_loss):
@@ -120,7 +120,7 @@ class LevenbergStage(AbstractStage):
         priors = fresh if self.widens else remembered(state.memory, fresh)
         priors = priors.opened(self.config.prior) if self.margin is None else priors
         if self.learns:  # Beside the residuals of these windows.
-            kept = self._free(best, state.best) if self.begins.untrained else freed(best)
+            kept = self._free(best, state.best) if self.begins.untrained else kinds_in_use(best)
             priors = priors.forgotten().narrowed(best, kept, self.corrections)
         priors = self.begins.priors(priors)
         incumbent = self.begins.incumbent(state)
@@ -256,7 +256,7 @@ class LevenbergStage(AbstractStage):
 
     def _weighed(self, best: AbstractDynamics, state: TrainingState) -> tuple[Weighing, float]:
         """What the errors of the model count that the stage begins with; and its loss."""
-        kept = freed(best)
+        kept = kinds_in_use(best)
         kept = kept if count_parameters(best, corrections=kept) else self.corrections
         # The level by what is free already: what the stage sets free has fitted nothing yet.
         restore, theta = Flattening.of(best, corrections=kept, dtype=self.data.train.q.dtype)
@@ -290,7 +290,7 @@ class LevenbergStage(AbstractStage):
         """Why the stage has nothing to do, if so."""
         if self.margin is not None and self._is_below(EXPLAINED, state.best_loss):
             return "nothing left to explain"
-        if self.frees and not self.begins.leaner and not self.corrections & ~freed(state.best):
+        if self.frees and not self.begins.leaner and not self.corrections & ~kinds_in_use(state.best):
             return "free already"
         if self.begins.rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
             return "what half of the recordings taught does not predict the others, which were to judge"
@@ -331,14 +331,14 @@ class LevenbergStage(AbstractStage):
             return dear
         if self._refits:
             ours = self._contender(state, best, self._free(best, before), state.memory)
-            theirs = self._contender(state, before, freed(before), state.incumbent.memory)
+            theirs = self._contender(state, before, kinds_in_use(before), state.incumbent.memory)
             verdict = by_left_out(self.data, ours, theirs, objective, wanted=self.margin, is_over=is_over)
         else:
             verdict = by_validation(self.data, best, before, objective, last=state.model, wanted=self.margin)
         if self.begins.leaner:
             ours, theirs = (evaluate_loss(each, objective, self.data.train) for each in (best, before))
             verdict = verdict._replace(fitted=(ours, theirs))
-        freed_too = self.learns and FRICTION & freed(best) & ~freed(state.incumbent.model)
+        freed_too = self.learns and FRICTION & kinds_in_use(best) & ~kinds_in_use(state.incumbent.model)
         return verdict._replace(frees_friction=bool(freed_too), closes=self.begins.closes)
 
     def _contender(

@@ -5,7 +5,7 @@ import functools
 from collections.abc import Sequence
 from typing import Final
 
-from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, INERTIA, NETWORKS, POTENTIAL, count_parameters
+from symoden.blocks import ACTUATION, DIRECTIONS, FRICTION, INERTIA, NETWORKS, POTENTIAL, count_parameters, kinds_in_use
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel, energies_are_given
@@ -24,7 +24,6 @@ from ._data import (
     name_thinned,
     regression_data,
 )
-from ._flatten import freed
 from ._gauss_newton import MOST_PARAMETERS
 from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
@@ -74,7 +73,7 @@ def line_up(
                 name,
                 config.adam_steps,
                 fresh,
-                yields=first or bool(freed(fresh) & POTENTIAL),
+                yields=first or bool(kinds_in_use(fresh) & POTENTIAL),
             )
             for name, fresh in zip(names, candidates, strict=True)
         )

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from symoden.blocks import count_parameters, trainable
+from symoden.blocks import count_parameters, kinds_in_use, trainable
 from symoden.data import DataError, Dataset, check_trainable
 from symoden.mechanics import AbstractDynamics
 from symoden.models import ModelConfig, StructuredModel, awaken, build, check_savable
@@ -20,7 +20,7 @@ from ._config import TrainingConfig
 from ._data import hold_out, name_held, regression_data
 from ._disturbances import Screening, screening_of
 from ._first_guess import begin_with, can_be_guessed, guess, silent
-from ._flatten import cast, freed
+from ._flatten import cast
 from ._gauss_newton import MOST_SOLVED
 from ._line_up import can_regress, line_up
 from ._scales import measure_scales
@@ -84,7 +84,7 @@ def prepare(
     restarts = config.restarts if config.adam_steps else 0
     candidates = [fresh(number, awake=number > 0) for number in range(restarts)]  # First a V that is a polynomial.
     awake = (fresh(number, awake=True) for number in range(2))
-    undrawn = bool(eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=freed(one))) for one in awake)))
+    undrawn = bool(eqx.tree_equal(*(eqx.filter(one, trainable(one, corrections=kinds_in_use(one))) for one in awake)))
     guessed = _is_guessed(dataset)
     if config.lm_steps and undrawn:  # From a guess that a user gave, Levenberg-Marquardt finds the bottom alone.
         candidates = candidates[: 0 if guessed else 1]
