@@ -1,4 +1,4 @@
-"""docs/data.md names every key, unit, format and finding that there is, and what it shows works."""
+"""The pages on data name every key, unit, format and finding that there is, and what they show works."""
 
 import re
 import typing
@@ -18,7 +18,8 @@ from symoden.data.description._values import KEYS, PART_KEYS, PARTS
 from symoden.data.files._readers import _ARRAYS, _TABLES
 from symoden.known import FUNCTIONS
 
-PAGE = (Path(__file__).parents[1] / "docs" / "data.md").read_text()
+DOCS = Path(__file__).parents[1] / "docs"
+PAGE = "\n".join((DOCS / f"{name}.md").read_text() for name in ("data", "files", "check"))
 TABLES = re.findall(r"^\| (.*?) \|.*\n\|[-|]+\n((?:\|.*\n)+)", PAGE, flags=re.MULTILINE)
 
 

@@ -133,7 +133,7 @@ def test_files_that_cannot_be_read_are_refused_beside_those_that_can(described, 
         ("c", "test")
     ]
     assert [one["kind"] for each in said["unreadable"] for one in each["findings"]] == ["refused"] * 4
-    page = (Path(__file__).parents[2] / "docs" / "data.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "check.md").read_text()
     assert [key for key, value in said.items() if isinstance(value, list) and f"`{key}`" not in page] == []
     assert main(["train", str(described), "--out", str(tmp_path / "run")]) == 2
     (error,) = capsys.readouterr().err.splitlines()
