@@ -93,12 +93,11 @@ class LevenbergStage(AbstractStage):
             return False
         if self.unless & kinds_in_use(state.best) or not self.begins.applies(state):
             return False
-        untrained = self.begins.untrained
-        if self.margin is not None and not untrained and not math.isfinite(state.best_loss):
+        if self.margin is not None and not self.begins.untrained and not math.isfinite(state.best_loss):
             return False  # There is nothing to improve on, nor to judge by.
         if self.rollouts is not None:
             return state.best_loss >= FOUND
-        return not (untrained and self._needless(state))
+        return not (self.begins.untrained and self._needless(state))
 
     def anew(self, fresh: AbstractDynamics) -> "LevenbergStage":
         """The same where it begins with the best model; else from another draw of weights."""
@@ -167,20 +166,9 @@ class LevenbergStage(AbstractStage):
         if self.learns and state.step > self.plain:
             state = self._learned(state, step, np.asarray(theta, float), restore.corrections)
         else:
-            better = judged < state.best_loss
-            state = state._replace(
-                best=model if better else state.best,
-                best_loss=judged if better else state.best_loss,
-                stale=0 if self.gains(step, judged, state.best_loss) else state.stale + 1,
-            )
-            if self.learns and (state.stale >= self.config.patience or state.step == self.plain):
-                model, judged = state.best, state.best_loss
-                state = state._replace(step=self.plain, model=model, damping=self.config.damping, stale=0)
+            state = self._chosen(state, step, judged)
         ended, outcome = self._ended(state)
-        verdict = None
-        if ended:
-            state = state._replace(best=model, best_loss=judged) if self.learns else state
-            state, verdict = self._concluded(state, is_over)
+        state, verdict = self._concluded(self._last(state), is_over) if ended else (state, None)
         return state, Report(step.after, validation, ended, outcome, verdict)
 
     def settled(self, state: TrainingState) -> tuple[TrainingState, Verdict | None]:
@@ -188,10 +176,7 @@ class LevenbergStage(AbstractStage):
         # What some recordings alone have made, or nothing has, or what many refits would have to judge.
         if not state.step or self.begins.rivalled or self._refits:
             return self._undone(state), None
-        if not self.learns:
-            return self._concluded(state)
-        loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.choosing)
-        return self._concluded(state._replace(best=state.model, best_loss=loss))
+        return self._concluded(self._last(state))
 
     def rated(self, state: TrainingState) -> TrainingState:
         """The last state of another stage, with its best model's loss here and integration as fine as it needs."""
@@ -295,6 +280,22 @@ class LevenbergStage(AbstractStage):
         if self.begins.rivalled and self.config.scaled_loss and not state.best_loss < FOUND:
             return "what half of the recordings taught does not predict the others, which were to judge"
         return ""
+
+    def _chosen(self, state: TrainingState, step: LevenbergStep, judged: float) -> TrainingState:
+        """Keep the better one of the model now and the best so far; priors are learned from that one on."""
+        least = state.best_loss
+        state = state._replace(stale=0 if self.gains(step, judged, least) else state.stale + 1)
+        state = state._replace(best=state.model, best_loss=judged) if judged < least else state
+        if self.learns and (state.stale >= self.config.patience or state.step == self.plain):
+            return state._replace(step=self.plain, model=state.best, damping=self.config.damping, stale=0)
+        return state
+
+    def _last(self, state: TrainingState) -> TrainingState:
+        """What came of the steps: where priors are learned their last model, else the best one."""
+        if not self.learns:
+            return state
+        loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.choosing)
+        return state._replace(best=state.model, best_loss=loss)
 
     def _learned(
         self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], corrections: int
