@@ -1,6 +1,7 @@
 """A controller for one's own machine is tried on what was learned of it."""
 
 import dataclasses
+import math
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +13,7 @@ from symoden.evaluation import Ranges
 from symoden.experiments import ControlConfig, learned_machine, outside_data, starts_of, try_control
 from symoden.models import ModelConfig, build
 from symoden.spaces import Space
-from symoden.systems import Acrobot, Pendulum
+from symoden.systems import Acrobot, CartPole, Pendulum
 
 MODEL = Pendulum(gravity=10.0, damping=0.1)
 OTHERS = (dataclasses.replace(MODEL, damping=0.5), dataclasses.replace(MODEL, gravity=9.0))
@@ -26,6 +27,30 @@ def test_the_inputs_of_the_logs_are_the_limits():
     assert (machine.max_input, machine.target, machine.system) == ((6.0,), (1.5,), MODEL)
 
 
+@pytest.mark.parametrize(
+    ("target", "cyclic", "ends"),
+    [
+        (0.0, (), (-0.02, 0.3)),  # The data end at 0.3 m, beyond -0.02 m nothing is known.
+        (0.9, (), (0.4, 0.9)),  # Outside of the data, but wanted.
+        (math.nan, (), (-0.02, 0.3)),
+        (math.nan, (0,), (-0.5, 0.5)),
+        (0.0, (0,), (-0.5, 0.5)),
+    ],
+)
+def test_carts_begin_where_the_data_were(target, cyclic, ends):
+    ranges = Ranges(
+        positions=((-0.02, 0.3), (3.0, 3.3)), rates=((-1.0, 1.0),) * 2, inputs=((-5.0, 5.0),), cyclic=cyclic
+    )
+    machine = learned_machine(CartPole(), [target, 0.0], ranges)
+    starts = starts_of(machine, "swing-up")
+    assert starts.middle + starts.q == pytest.approx([ends[1], np.pi])
+    assert starts.middle - starts.q == pytest.approx([ends[0], -np.pi])
+    q, _ = starts.draw(100, 0)
+    assert np.all((q[:, 0] >= ends[0]) & (q[:, 0] <= ends[1]))
+    free = starts_of(dataclasses.replace(machine, seen=None), "swing-up")
+    assert free.q == pytest.approx([0.5, np.pi])
+
+
 def test_episodes_that_no_memory_holds_are_refused():
     with pytest.raises(ValueError, match="at most 10000000 control periods; got 100 of 200000"):
         ControlConfig(loop=Loop(duration=2.0, period=1e-5))
@@ -34,7 +59,7 @@ def test_episodes_that_no_memory_holds_are_refused():
 def test_what_is_learned_is_integrated_finely_whatever_its_name():
     """Learned dry friction is stiff."""
     machine = dataclasses.replace(learned_machine(MODEL, [np.pi], RANGES), name="the arm in the cellar")
-    results = [try_control(MODEL, each, CONFIG) for each in (machine, dataclasses.replace(machine, learned=False))]
+    results = [try_control(MODEL, each, CONFIG) for each in (machine, dataclasses.replace(machine, seen=None))]
     for result, step in zip(results, (0.001, CONFIG.loop.step), strict=True):
         q0, v0 = starts_of(result.machine, result.method).draw(5, 0)
         again = run_episodes(MODEL, result.controller, q0, v0, dataclasses.replace(CONFIG.loop, step=step))

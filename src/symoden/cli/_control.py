@@ -127,9 +127,8 @@ def hardly_moves(name: str, way: float) -> str:
     if way >= _TIMES * near:
         return ""
     return (
-        f"`{name}` goes {number(way)} in the training data, where {near:g} from the target counts as being there and "
-        "episodes begin up to 0.5 away: successes mean little. Give it in a smaller unit, as a factor under "
-        "`units`, and train anew."
+        f"`{name}` goes {number(way)} in the training data, where {near:g} from the target counts as being there: "
+        "successes mean little. Give it in a smaller unit, as a factor under `units`, and train anew."
     )
 
 
@@ -217,7 +216,7 @@ def _start_words(result: ControlResult, coordinates: Sequence[tuple[str, str]]) 
 
 def _measured(value: float, unit: str, per: str = "") -> str:
     """A number with its unit, where that is known."""
-    return f"{value:g} {unit}{per}" if unit else f"{value:g}"
+    return f"{number(value)} {unit}{per}" if unit else number(value)
 
 
 def _stuck_words(result: ControlResult) -> Iterator[str]:

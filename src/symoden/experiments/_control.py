@@ -1,6 +1,7 @@
 """Try a controller made from a run's model: on which machine, from which states, and how the episodes went."""
 
 import dataclasses
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -202,7 +203,7 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
     Args:
         model: The model.
         target: Where to go; NaN along coordinates that need not come to rest anywhere.
-        ranges: Ranges of its training data; the inputs' largest magnitudes there limit them.
+        ranges: Ranges of its training data; the inputs' largest magnitudes there limit them, and episodes begin within.
 
     Returns:
         The machine.
@@ -222,7 +223,11 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
     limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
     if not limits:
         raise ValueError("A controller needs inputs; the model was learned from free motion and has none.")
-    return Machine(name=LEARNED, system=model, target=tuple(map(float, target)), max_input=limits, learned=True)
+    seen = tuple(
+        (-math.inf, math.inf) if angle or i in ranges.cyclic else each
+        for i, (angle, each) in enumerate(zip(model.space.is_angle, ranges.positions, strict=True))
+    )
+    return Machine(name=LEARNED, system=model, target=tuple(map(float, target)), max_input=limits, seen=seen)
 
 
 def _check_target(coordinate: int, value: float, bounds: tuple[float, float], *, angle: bool) -> None:

@@ -44,6 +44,8 @@ def starts_of(machine: Machine, method: Method) -> Starts:
     where its potential energy is lowest if it swings up; everything else starts anywhere, with the speeds of the
     paper's tasks.
 
+    A learned model knows no more of a length than its data reach: episodes begin between their ends and the target.
+
     Args:
         machine: What is controlled.
         method: How.
@@ -52,6 +54,8 @@ def starts_of(machine: Machine, method: Method) -> Starts:
         The boxes.
     """
     space, target = machine.system.space, np.nan_to_num(machine.target)
+    least, most = np.asarray(machine.seen or [(-np.inf, np.inf)] * space.size, float).T
+    target = np.where(np.isnan(machine.target), np.clip(target, least, most), target)
     free = np.isnan(machine.target).any()  # As a reaction wheel's pendulum, which no acrobot is.
     acrobot = space.size > machine.system.inputs and all(space.is_angle) and not free
     if method == "swing-up" and acrobot:
@@ -60,4 +64,6 @@ def starts_of(machine: Machine, method: Method) -> Starts:
     near = method in {"ida-pbc", "controlled-lagrangian", "lqr"}
     size = np.where(space.is_angle, (0.2 if acrobot else 0.6) if near else np.pi, 0.5)
     speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
-    return Starts(target, size, speed)
+    low = np.maximum(target - size, np.minimum(least, target))
+    high = np.minimum(target + size, np.maximum(most, target))
+    return Starts((low + high) / 2, (high - low) / 2, speed)

@@ -26,14 +26,20 @@ class Machine(Generic[System]):
         target: Configuration to bring it to; of the paper's machines the one of the highest potential energy, lengths
             being zero; NaN along coordinates that need not come to rest anywhere.
         max_input: Largest magnitude of each input that its motors give [N or N m].
-        learned: Whether the system is a learned model, in place of a simulated machine.
+        seen: Least and largest of each length that a learned model in the machine's place knows, infinite of angles and
+            of what nothing depends on; None for a simulated machine.
     """
 
     name: str
     system: System
     target: tuple[float, ...]
     max_input: tuple[float, ...]
-    learned: bool = False
+    seen: tuple[tuple[float, float], ...] | None = None
+
+    @property
+    def learned(self) -> bool:
+        """Whether the system is a learned model, in place of a simulated machine."""
+        return self.seen is not None
 
 
 _POLE_DAMPING: Final = 0.05
