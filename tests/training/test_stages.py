@@ -24,7 +24,7 @@ from symoden.training._levenberg_stage import LevenbergStage
 from symoden.training._line_up import line_up
 from symoden.training._relevance import Relevance
 from symoden.training._verdicts import Skipped, compare
-from symoden.training._weighing import Weighing
+from symoden.training._weighing import Errors, Weighing
 
 
 def test_it_ends_when_nothing_is_left_to_explain_or_nothing_is_gained_or_steps_run_out(stage, quick):
@@ -125,23 +125,11 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
         ("friction instead", *instead),
     ]
     for before, after in itertools.pairwise(stages):
-        assert after.whitens == (not after.corrections & ~before.corrections)  # What sets nothing free.
+        goes_on = not after.corrections & ~before.corrections  # What sets nothing free.
+        assert after.errors is (Errors.AS_BEFORE if goes_on else Errors.ALIKE)
         assert after.margin is not None
         assert not after.widens  # Longer windows go on with the priors of shorter ones.
         assert (after.margin > 0) != after.learns  # Simpler models are to be preferred; priors make them so.
-
-
-def test_errors_are_weighed_by_what_is_new_in_them_where_a_stage_says_so(stage, pendulum, quick, monkeypatch):
-    stage, state = stage
-    stage = dataclasses.replace(stage, data=_data.levenberg_data(pendulum(count=8), state.model, quick))
-
-    def scale(whitens):
-        return dataclasses.replace(stage, whitens=whitens).start(state).weighing.whitening.scale
-
-    assert np.array_equal(scale(False), np.eye(3))
-    assert not np.array_equal(scale(True), np.eye(3))
-    monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 1e9)  # As where a model is exact, and errors are rounding.
-    assert np.array_equal(scale(True), np.eye(3))
 
 
 def test_what_was_best_is_judged_anew_where_integration_is_refined(stage, monkeypatch):

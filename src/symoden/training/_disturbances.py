@@ -112,7 +112,7 @@ class Screening:
         if trimmed < 1 or not before.max() > _BENT * _FINE:
             return None
         priors = remembered(state.memory, Relevance.start(model, self.config.prior))
-        weighing = Weighing.plain(model.space.embedded_size + model.space.size)
+        weighing = Weighing.alike(model.space)
         stage = LevenbergStage(self.data, self.config, "trimmed", _STEPS)
         step = functools.partial(stage.step, substeps=state.substeps, weighing=weighing, priors=priors)
         whole = Contender(model, kinds_in_use(model), step, _ROUNDS * _STEPS, self.config.damping)

@@ -27,7 +27,7 @@ from ._stages import EXACT, EXPLAINED, AbstractStage, Clock, never
 from ._state import Report, TrainingState
 from ._verdicts import FOUND, LOST, Skipped, Verdict, by_price, by_rollouts, by_validation
 from ._weak_form import WeakForm
-from ._weighing import Weighing
+from ._weighing import Errors, Weighing
 
 _STALLED: Final = 1e-3  # Relative decrease of the loss in a step that counts as none.
 _MOST_SUBSTEPS: Final = 16
@@ -54,7 +54,7 @@ class LevenbergStage(AbstractStage):
         margin: What comes of the stage is kept if it is better than what was before by more than so many standard
             errors of the difference in validation; below zero, unless it is worse by that many. Such a stage is
             skipped where nothing is left to explain. None keeps the best model.
-        whitens: Errors count as what is new in them, where starts are as measured.
+        errors: What errors count in its steps; what judges it counts all alike, as predictions do.
         learns: Learn the priors too, from narrow ones on for corrections that were not kept before. Else they fade with
             the loss.
         widens: Priors are as wide as at first.
@@ -75,7 +75,7 @@ class LevenbergStage(AbstractStage):
     steps: int
     corrections: int = 0
     margin: float | None = None
-    whitens: bool = False
+    errors: Errors = Errors.ALIKE
     learns: bool = False
     widens: bool = False
     frees: bool = False
@@ -89,9 +89,8 @@ class LevenbergStage(AbstractStage):
     def applies(self, state: TrainingState) -> bool:
         """Whether the stages before have left the stage something to do."""
         free = self._free(state.best, state.best)
-        if state.origin < self.after or not count_parameters(state.best, corrections=free):
-            return False
-        if self.unless & kinds_in_use(state.best) or not self.begins.applies(state):
+        hindered = state.origin < self.after or self.unless & kinds_in_use(state.best)
+        if hindered or not count_parameters(state.best, corrections=free) or not self.begins.applies(state):
             return False
         if self.margin is not None and not self.begins.untrained and not math.isfinite(state.best_loss):
             return False  # There is nothing to improve on, nor to judge by.
@@ -107,7 +106,7 @@ class LevenbergStage(AbstractStage):
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
         best = cast(self.begins.model(state, lambda each: self._loss(each, state.substeps, self.data.choosing)), dtype)
-        weighing = self._plain(best)
+        weighing = Weighing.alike(best.space)
         loss = state.best_loss
         explained = self.margin is not None and self._is_below(EXPLAINED, loss)
         if explained or self.begins.rivalled:  # In these windows, too?
@@ -139,7 +138,7 @@ class LevenbergStage(AbstractStage):
 
     def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
         """Take one step."""
-        if state.step == 0 and (why := self._needless(state)):
+        if state.step == 0 and (why := self._needless(state) or self._alike(state)):
             state = self._undone(state)
             loss = state.best_loss
             return state, Report(loss, loss, finished=True, outcome=why, verdict=Skipped(why))
@@ -150,14 +149,9 @@ class LevenbergStage(AbstractStage):
             state = state._replace(memory=state.memory.unrecorded(), stale=0) if self.learns else state
         restore, theta = self._flattened(state.model, state.incumbent.model)
         before = LevenbergState(theta, state.damping)
+        mean = drawn(state.incumbent.model, restore.corrections) if self.frees else 0.0
         after, step = self.step(
-            before,
-            restore,
-            self.data.train,
-            substeps=substeps,
-            weighing=state.weighing,
-            priors=state.memory,
-            mean=drawn(state.incumbent.model, restore.corrections) if self.frees else 0.0,
+            before, restore, self.data.train, substeps=substeps, weighing=state.weighing, priors=state.memory, mean=mean
         )
         model = restore(after.theta)
         validation = self.data.validation_loss(model, objective)
@@ -180,7 +174,9 @@ class LevenbergStage(AbstractStage):
 
     def rated(self, state: TrainingState) -> TrainingState:
         """The last state of another stage, with its best model's loss here and integration as fine as it needs."""
-        state = state._replace(model=cast(state.best, self.data.train.q.dtype), weighing=self._plain(state.best))
+        state = state._replace(
+            model=cast(state.best, self.data.train.q.dtype), weighing=Weighing.alike(state.best.space)
+        )
         while (finer := self._refined(state)) != state.substeps:
             state = state._replace(substeps=finer)
         return state._replace(best_loss=self._loss(state.model, state.substeps, self.data.held_out))
@@ -247,9 +243,10 @@ class LevenbergStage(AbstractStage):
         restore, theta = Flattening.of(best, corrections=kept, dtype=self.data.train.q.dtype)
         where = self.data.objective, RK4(jnp.asarray(state.substeps)), self.data.train
         level = expected_level(restore, theta, *where)
-        weighing = self._plain(best)._replace(level=jnp.asarray(level, float))
+        weighing = Weighing.alike(best.space)._replace(level=jnp.asarray(level, float))
         loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.choosing)
-        if self.whitens and not self._is_below(EXPLAINED, loss):
+        whitens = state.weighing.is_whitened if self.errors is Errors.AS_BEFORE else self.errors is Errors.WHITENED
+        if whitens and not self._is_below(EXPLAINED, loss):
             weighing = weigh(*self._flattened(best, state.best), *where, weighing)
             loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.choosing)
         return weighing, loss
@@ -265,11 +262,7 @@ class LevenbergStage(AbstractStage):
     def _loss(self, model: AbstractDynamics, substeps: int, windows: Batch) -> float:
         """Loss on windows, all errors counting alike."""
         model = cast(model, self.data.train.q.dtype)
-        return evaluate_loss(model, self.objective(substeps, self._plain(model)), windows)
-
-    def _plain(self, model: AbstractDynamics) -> Weighing:
-        """All errors count alike."""
-        return Weighing.plain(model.space.embedded_size + model.space.size)
+        return evaluate_loss(model, self.objective(substeps, Weighing.alike(model.space)), windows)
 
     def _needless(self, state: TrainingState) -> str:
         """Why the stage has nothing to do, if so."""
@@ -296,6 +289,11 @@ class LevenbergStage(AbstractStage):
             return state
         loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.choosing)
         return state._replace(best=state.model, best_loss=loss)
+
+    def _alike(self, state: TrainingState) -> str:
+        """Why there is nothing new in the errors that are to be whitened, if so."""
+        alike = self.errors is Errors.WHITENED and not state.weighing.is_whitened
+        return "errors are independent, or too few" if alike else ""
 
     def _learned(
         self, state: TrainingState, step: LevenbergStep, theta: Float[np.ndarray, " P"], corrections: int
@@ -327,12 +325,14 @@ class LevenbergStage(AbstractStage):
             return by_rollouts(self.rollouts, best, before)
         if self.margin is None or self.data.validation is None:
             return None
-        objective = self.objective(state.substeps, state.weighing)
+        plain = state._replace(weighing=state.weighing.unwhitened())
+        objective = self.objective(state.substeps, plain.weighing)
         if self.begins.closes and (dear := by_price(self.data, best, before, objective, wanted=self.margin)):
             return dear
         if self._refits:
             ours = self._contender(state, best, self._free(best, before), state.memory)
-            theirs = self._contender(state, before, kinds_in_use(before), state.incumbent.memory)
+            rival = plain if self.errors is Errors.WHITENED else state
+            theirs = self._contender(rival, before, kinds_in_use(before), state.incumbent.memory)
             verdict = by_left_out(self.data, ours, theirs, objective, wanted=self.margin, is_over=is_over)
         else:
             verdict = by_validation(self.data, best, before, objective, last=state.model, wanted=self.margin)

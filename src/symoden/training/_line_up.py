@@ -29,6 +29,7 @@ from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
 from ._verdicts import CHANCE, CLEAR
 from ._weak_form import has_weak_form
+from ._weighing import Errors
 
 _MANY: Final = 3  # Coordinates.
 
@@ -162,9 +163,12 @@ def _further(
     of = "regression: " if regression else ""
     stages = _asked(dynamics, data, config, regression=regression, answered=answered)
     turns = any(stage.corrections & ACTUATION for stage in stages)
-    whitened = functools.partial(LevenbergStage, config=config, corrections=judged, whitens=not regression)
+    goes_on = functools.partial(LevenbergStage, config=config, corrections=judged, errors=Errors.AS_BEFORE)
     if learns:
-        stages.append(whitened(data, name=f"{of}relevance", steps=learn, margin=-CHANCE, learns=True))
+        stages.append(goes_on(data, name=f"{of}relevance", steps=learn, margin=-CHANCE, learns=True))
+        if not regression and data.validation is not None:  # Without, they would be whitened whatever comes of it.
+            white = goes_on(data, name="whitened errors", steps=learn, margin=0.0, learns=True)
+            stages.append(dataclasses.replace(white, errors=Errors.WHITENED))
     if not grow:
         return stages
     anew = turns and regression and not energies_are_given(dynamics)  # What is given cannot be bent.
@@ -174,7 +178,7 @@ def _further(
     # Else every part is given, and nothing is free before networks are.
     if stages or count_parameters(dynamics, corrections=judged):
         stages.extend(
-            whitened(
+            goes_on(
                 each,
                 name=f"longer windows {times}x",
                 steps=again,
@@ -185,7 +189,7 @@ def _further(
         )
     longest = longer[-1] if longer else data
     if learns:
-        stages.append(whitened(longest, name=f"{of}refit", steps=grow, margin=CLEAR))
+        stages.append(goes_on(longest, name=f"{of}refit", steps=grow, margin=CLEAR))
     return stages
 
 

@@ -102,7 +102,7 @@ def prepare(
             "Training must have something to learn; every part is given, and corrections of these need `lm_steps` and "
             f"`growth_steps`; got {config.lm_steps} and {config.growth_steps}. Take the preset `default`."
         )
-    weighing = Weighing.plain(dynamics.space.embedded_size + dynamics.space.size)
+    weighing = Weighing.alike(dynamics.space)
     state = TrainingState(
         stage=0,
         step=0,

@@ -1,5 +1,6 @@
 """What an error counts: as what is new in it, where the errors before it tell the rest."""
 
+import enum
 import math
 from typing import Final, NamedTuple
 
@@ -8,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from symoden.spaces import Space
+
 LARGEST: Final = 1e100  # Error whose square is a number.
 
 _ORDER: Final = 2  # Lags: mechanisms are of second order, and so is what a force that is not modelled does to them.
@@ -15,6 +18,14 @@ _RIDGE: Final = 1e-6  # Relative to the mean square.
 _FLOOR: Final = 1e-4  # Of a channel's innovations, relative to their mean variance: what is exact has no weight alone.
 _ASTRAY: Final = 0.9  # Share of the squares that one window has if its rollout diverges.
 _SAMPLES: Final = 10  # For each coefficient of an autoregression, or none is fitted.
+
+
+class Errors(enum.Enum):
+    """What the errors of a rollout count in a stage of training."""
+
+    ALIKE = "all alike"
+    WHITENED = "what is new in them, where starts are as measured"
+    AS_BEFORE = "as they did for the best model"
 
 
 class Whitening(NamedTuple):
@@ -82,6 +93,27 @@ class Weighing(NamedTuple):
             The weighing.
         """
         return cls(jnp.asarray(level, float), Whitening.none(channels), jnp.asarray(1.0, float))
+
+    @classmethod
+    def alike(cls, space: Space) -> "Weighing":
+        """All errors of a mechanism's rollouts count alike.
+
+        Args:
+            space: Its space.
+
+        Returns:
+            The weighing.
+        """
+        return cls.plain(space.embedded_size + space.size)
+
+    @property
+    def is_whitened(self) -> bool:
+        """Whether errors count by what is new in them."""
+        return bool(np.any(np.asarray(self.whitening.lags)))
+
+    def unwhitened(self) -> "Weighing":
+        """The same, but errors count as they are, as they do for who wants to know how well a model predicts."""
+        return Weighing.plain(len(self.whitening.scale), float(self.level))
 
     def whitened(self, residuals: Float[np.ndarray, "B k o"], measured: Float[Array, " o"] | None = None) -> "Weighing":
         """The same with errors weighed by what is new in them; where starts are estimated, all of it is.
