@@ -161,10 +161,10 @@ def poor(recordings: Sequence[RecordingScore], *, among: Sequence[RecordingScore
             "training has not seen (`symoden inspect` says which) do that."
         )
     return (
-        f"{said} An input that has the wrong sign or unit, is late (`input_delay`) or was not logged does that, or a "
-        "wrong `input_matrix`, or equations or start values under `[known]` that are far off: `symoden data check` "
-        "cannot see all of that. So does too little motion to learn from, or to judge by: record more, name "
-        "`[validation]` recordings, or leave less to learn, by `cyclic` what nothing depends on."
+        f"{said} An input that has the wrong sign or unit, is late (`input_delay`), acts slowly (`input_lag`) or was "
+        "not logged does that, or a wrong `input_matrix`, or equations or start values under `[known]` that are far "
+        "off: `symoden data check` cannot see all of that. So does too little motion to learn from, or to judge by: "
+        "record more, name `[validation]` recordings, or leave less to learn, by `cyclic` what nothing depends on."
     )
 
 

@@ -94,6 +94,8 @@ class Description:
         input_delay: Constant transport delay of the inputs [s], one for all or one each: the input that acts at t is
             the one that was logged at t − delay. The first samples, whose inputs were not logged, are left out; where
             inputs were logged late the delay is below zero, and the last ones are.
+        input_lag: Time constant of the first-order lag by which what acts follows an input [s], one for all or one
+            each. The first samples, in which what acted before still matters, are left out.
         position_delay: Constant delay of the positions [s], one for all or one each: what was logged at t was so at
             t − delay. The last samples, whose positions were not logged any more, are left out.
         resample: Step of the uniform grid to bring recordings to [s].
@@ -124,6 +126,7 @@ class Description:
     blind: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     hold: Literal["zero", "linear"] = "zero"
     input_delay: tuple[float, ...] = (0.0,)
+    input_lag: tuple[float, ...] = (0.0,)
     position_delay: tuple[float, ...] = (0.0,)
     resample: float | None = None
     input_matrix: tuple[tuple[float, ...], ...] | None = None
@@ -289,6 +292,7 @@ def _refuse_contradictions(path: Path, description: Description) -> None:
         _refuse_other_size(path, description)
     for key, delays, what, columns in (
         ("input_delay", len(description.input_delay), "input", description.inputs),
+        ("input_lag", len(description.input_lag), "input", description.inputs),
         ("position_delay", len(description.position_delay), "position", description.positions),
     ):
         if isinstance(columns, tuple) and delays not in (1, len(columns)):

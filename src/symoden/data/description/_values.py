@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Set
+from functools import partial
 from typing import Final, NamedTuple, NoReturn, TypeAlias
 
 from symoden.data._errors import cut
@@ -196,11 +197,11 @@ def _delays(value: object) -> tuple[float, ...]:
     return tuple(seconds)
 
 
-def _lags(value: object) -> tuple[float, ...]:
+def _lags(value: object, *, hint: str = "") -> tuple[float, ...]:
     """Seconds from 0 on, one number or several."""
     seconds = _delays(value) if isinstance(value, list | int | float) else ()
     if not seconds or min(seconds) < 0:
-        _fail("a number of seconds, at least 0, or a list of one each; where inputs are late: `input_delay` below zero")
+        _fail(f"a number of seconds, at least 0, or a list of one each{hint}")
     return seconds
 
 
@@ -262,7 +263,8 @@ KEYS: Final[dict[str, Check]] = {
     "blind": _blind,
     "hold": _hold,
     "input_delay": _delays,
-    "position_delay": _lags,
+    "input_lag": _lags,
+    "position_delay": partial(_lags, hint="; where inputs are late: `input_delay` below zero"),
     "resample": _positive,
     "input_matrix": _matrix,
     "initial_samples": _count,

@@ -1,4 +1,4 @@
-"""From a log to recordings: masked, angles unwrapped, rates completed, delays undone, resampled, split."""
+"""From a log to recordings: masked, angles unwrapped, rates completed, delays and lags undone, resampled, split."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -15,7 +15,9 @@ from symoden.data.signals import (
     delay_inputs,
     estimate_velocities,
     held_mean,
+    lag_inputs,
     resample,
+    settling,
     velocity_noise_gain,
 )
 
@@ -55,7 +57,9 @@ def rows_to_use(
         rows_in_spots(log, spots, is_angle),
         stuck,
         resample=description.resample,
-        delay=np.ptp([0.0, *description.input_delay]) + max(description.position_delay),
+        delay=np.ptp([0.0, *description.input_delay])
+        + max(description.position_delay)
+        + settling(description.input_lag),
     )
     if len(chosen.pieces[0]) < 2:
         raise DataError(
@@ -114,6 +118,7 @@ def _trajectory(
     )
     trajectory = advance_positions(trajectory, description.position_delay)
     trajectory = delay_inputs(trajectory, description.input_delay, hold=description.hold)
+    trajectory = lag_inputs(trajectory, description.input_lag, hold=description.hold)
     if description.resample is not None:
         trajectory = resample(trajectory, description.resample, hold=description.hold)
     return trajectory

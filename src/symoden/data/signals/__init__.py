@@ -14,6 +14,7 @@ from ._kinematics import (
     jumps as jumps,
     velocity_ratio as velocity_ratio,
 )
+from ._lag import lag_inputs as lag_inputs, settling as settling
 from ._noise import SensorNoise as SensorNoise, measure_noise as measure_noise
 from ._resample import centred_mean as centred_mean, held_mean as held_mean, resample as resample
 from ._signals import (
@@ -50,6 +51,7 @@ __all__ = [
     "first_samples",
     "held_mean",
     "jumps",
+    "lag_inputs",
     "least_change",
     "least_lively",
     "longest_step",
@@ -58,6 +60,7 @@ __all__ = [
     "quantum",
     "rate_errors_at_ends",
     "resample",
+    "settling",
     "shares_cut_off",
     "standstills",
     "time_scales",
