@@ -126,7 +126,7 @@ def test_what_sets_more_free_must_gain_and_all_errors_count_while_it_does(pendul
     ]
     for before, after in itertools.pairwise(stages):
         goes_on = not after.corrections & ~before.corrections  # What sets nothing free.
-        assert after.errors is (Errors.AS_BEFORE if goes_on else Errors.ALIKE)
+        assert after.errors is (Errors.AS_FOUND if goes_on else Errors.ALIKE)
         assert after.margin is not None
         assert not after.widens  # Longer windows go on with the priors of shorter ones.
         assert (after.margin > 0) != after.learns  # Simpler models are to be preferred; priors make them so.

@@ -2,11 +2,16 @@
 
 import dataclasses
 
+import equinox as eqx
 import numpy as np
+import pytest
 
 from symoden import KnownParts, Trajectory, fit
+from symoden.blocks import FRICTION
 from symoden.data import Dataset
 from symoden.training import TrainingConfig, _data, _levenberg_stage
+from symoden.training._beginnings import Again
+from symoden.training._flatten import cast
 from symoden.training._verdicts import Judge, Skipped, Verdict
 from symoden.training._weighing import Errors
 
@@ -16,32 +21,38 @@ def test_errors_are_weighed_by_what_is_new_in_them_where_a_stage_says_so(stage, 
     stage = dataclasses.replace(stage, data=_data.levenberg_data(pendulum(count=8), state.model, quick))
 
     def whitened(errors, weighing=state.weighing):
-        started = dataclasses.replace(stage, errors=errors).start(state._replace(weighing=weighing))
-        assert started.weighing.is_whitened != np.array_equal(started.weighing.whitening.scale, np.eye(3))
-        return started.weighing.is_whitened
+        started = dataclasses.replace(stage, errors=errors).start(state._replace(weighing=weighing)).weighing
+        assert started.is_whitened != np.array_equal(started.whitening.scale, np.eye(3))
+        assert started.refused == weighing.refused
+        return started.is_whitened
 
-    white = dataclasses.replace(stage, errors=Errors.WHITENED).start(state).weighing
-    assert [whitened(each) for each in Errors] == [False, True, False]
-    assert [whitened(each, white) for each in Errors] == [False, True, True]
+    assert [whitened(each) for each in Errors] == [False, True, True]
+    assert [whitened(each, state.weighing.refusing()) for each in Errors] == [False, True, False]
     monkeypatch.setattr(_levenberg_stage, "EXPLAINED", 1e9)  # As where a model is exact, and errors are rounding.
-    assert [whitened(each, white) for each in Errors] == [False, False, False]
+    assert [whitened(each) for each in Errors] == [False, False, False]
 
 
-def test_what_judges_errors_that_are_whitened_counts_them_as_they_are(stage, pendulum, quick, monkeypatch):
+@pytest.mark.parametrize("gained", [-0.9, -1.1])
+def test_what_judges_whitened_errors_counts_them_as_they_are_and_is_remembered(
+    stage, pendulum, quick, monkeypatch, gained
+):
     stage, state = stage
     data = _data.levenberg_data(pendulum(count=8), state.model, quick)
-    stage = dataclasses.replace(stage, data=data._replace(validation=data.train), errors=Errors.WHITENED, margin=0.0)
+    stage = dataclasses.replace(stage, data=data._replace(validation=data.train), errors=Errors.WHITENED, margin=-1.0)
     seen = []
 
     def judge(data, model, before, objective, *, last, wanted):
         seen.append(objective.whitening)
-        return Verdict(Judge.VALIDATION, 1.0, 1.0, len(data.validation.ts), 0.0, wanted)
+        return Verdict(Judge.VALIDATION, 1.0, 1.0, len(data.validation.ts), gained, wanted)
 
     monkeypatch.setattr(_levenberg_stage, "by_validation", judge)
     after, verdict = stage.settled(stage.start(state)._replace(step=1))
-    assert not verdict.kept  # Whitening must gain.
+    assert verdict.kept == (gained > -1)
     assert not np.any(seen[0].lags)
-    assert not after.weighing.is_whitened
+    assert after.weighing.is_whitened == verdict.kept
+    assert after.weighing.refused != verdict.kept
+    unstepped, _ = stage.settled(stage.start(state))
+    assert not unstepped.weighing.refused
 
 
 def test_errors_that_are_the_sensors_are_not_whitened(stage, pendulum, quick, monkeypatch):
@@ -83,3 +94,16 @@ def test_what_a_model_lacks_is_not_taken_for_noise():
     dataset = Dataset(name="late", space="T1", train=(late_pendulum(0.12),), known=known)
     result = fit(dataset, config=TrainingConfig(seed=0))
     assert result.verdicts["whitened errors"].startswith("not kept")
+
+
+def test_they_begin_with_what_ordinary_ones_began_with(stage, scrambled):
+    stage, state = stage
+    before, after = state.best, scrambled(state.best, 0, 0.1)
+    began = stage.start(state).incumbent
+    learned = began.memory.narrowed(after, 0, FRICTION)
+    state = state._replace(best=after, incumbent=began._replace(model=before), memory=learned)
+    again = dataclasses.replace(stage, errors=Errors.WHITENED, margin=-1.0, begins=Again()).start(state)
+    assert eqx.tree_equal(again.model, cast(before, float))
+    assert eqx.tree_equal(again.incumbent.rival, cast(after, float))
+    assert eqx.tree_equal(again.memory.precision, began.memory.precision)
+    assert eqx.tree_equal(again.incumbent.memory.precision, learned.precision)

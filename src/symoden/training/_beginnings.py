@@ -59,6 +59,17 @@ class AbstractBeginning(abc.ABC):
         del state
         return True
 
+    def memory(self, state: TrainingState) -> PyTree:
+        """What is remembered of priors.
+
+        Args:
+            state: State at the end of the stage before.
+
+        Returns:
+            It.
+        """
+        return state.memory
+
     def priors(self, before: Relevance) -> Relevance:
         """The priors of the stage.
 
@@ -136,6 +147,21 @@ class Joined(AbstractBeginning):
     def incumbent(self, state: TrainingState) -> Incumbent:
         """What that stage had to improve on."""
         return state.incumbent._replace(rival=state.incumbent.model)
+
+
+@final
+@dataclass(frozen=True)
+class Again(AbstractBeginning):
+    """What the stage before began with, whatever that has made of it: the better one of both ways is kept."""
+
+    def model(self, state: TrainingState, loss: Callable[[AbstractDynamics], float]) -> AbstractDynamics:
+        """The model that stage had to improve on."""
+        del loss
+        return state.incumbent.model
+
+    def memory(self, state: TrainingState) -> PyTree:
+        """What was remembered then."""
+        return state.incumbent.memory
 
 
 @final

@@ -106,7 +106,7 @@ class LevenbergStage(AbstractStage):
         """Begin from the best model so far, in double precision."""
         dtype = self.data.train.q.dtype
         best = cast(self.begins.model(state, lambda each: self._loss(each, state.substeps, self.data.choosing)), dtype)
-        weighing = Weighing.alike(best.space)
+        weighing = Weighing.alike(best.space, state.weighing)
         loss = state.best_loss
         explained = self.margin is not None and self._is_below(EXPLAINED, loss)
         if explained or self.begins.rivalled:  # In these windows, too?
@@ -115,7 +115,7 @@ class LevenbergStage(AbstractStage):
         if not self._needless(state._replace(best_loss=loss)):
             weighing, loss = self._weighed(best, state)
         fresh = Relevance.start(best, self.config.prior)
-        priors = fresh if self.widens else remembered(state.memory, fresh)
+        priors = fresh if self.widens else remembered(self.begins.memory(state), fresh)
         priors = priors.opened(self.config.prior) if self.margin is None else priors
         if self.learns:  # Beside the residuals of these windows.
             kept = self._free(best, state.best) if self.begins.untrained else kinds_in_use(best)
@@ -174,9 +174,8 @@ class LevenbergStage(AbstractStage):
 
     def rated(self, state: TrainingState) -> TrainingState:
         """The last state of another stage, with its best model's loss here and integration as fine as it needs."""
-        state = state._replace(
-            model=cast(state.best, self.data.train.q.dtype), weighing=Weighing.alike(state.best.space)
-        )
+        weighing = Weighing.alike(state.best.space)
+        state = state._replace(model=cast(state.best, self.data.train.q.dtype), weighing=weighing)
         while (finer := self._refined(state)) != state.substeps:
             state = state._replace(substeps=finer)
         return state._replace(best_loss=self._loss(state.model, state.substeps, self.data.held_out))
@@ -243,10 +242,10 @@ class LevenbergStage(AbstractStage):
         restore, theta = Flattening.of(best, corrections=kept, dtype=self.data.train.q.dtype)
         where = self.data.objective, RK4(jnp.asarray(state.substeps)), self.data.train
         level = expected_level(restore, theta, *where)
-        weighing = Weighing.alike(best.space)._replace(level=jnp.asarray(level, float))
+        weighing = Weighing.alike(best.space, state.weighing)._replace(level=jnp.asarray(level, float))
         loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.choosing)
-        whitens = state.weighing.is_whitened if self.errors is Errors.AS_BEFORE else self.errors is Errors.WHITENED
-        if whitens and not self._is_below(EXPLAINED, loss):
+        found = self.errors is Errors.AS_FOUND and not state.weighing.refused
+        if (found or self.errors is Errors.WHITENED) and not self._is_below(EXPLAINED, loss):
             weighing = weigh(*self._flattened(best, state.best), *where, weighing)
             loss = evaluate_loss(best, self.objective(state.substeps, weighing), self.data.choosing)
         return weighing, loss
@@ -352,6 +351,7 @@ class LevenbergStage(AbstractStage):
     def _undone(self, state: TrainingState) -> TrainingState:
         """State with the best model from before the stage."""
         best, memory, origin, weighing, _ = state.incumbent
+        weighing = weighing.refusing() if state.step and self.errors is Errors.WHITENED else weighing
         loss = evaluate_loss(best, self.objective(state.substeps, state.weighing), self.data.choosing)
         return state._replace(best=best, best_loss=loss, memory=memory, origin=origin, weighing=weighing)
 

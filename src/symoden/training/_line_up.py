@@ -11,7 +11,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel, energies_are_given
 
 from ._adam_stage import AdamStage
-from ._beginnings import Best, Joined, Refitted, Uniform, Untrained, Without
+from ._beginnings import Again, Best, Joined, Refitted, Uniform, Untrained, Without
 from ._config import TrainingConfig
 from ._data import (
     LONGER,
@@ -163,12 +163,13 @@ def _further(
     of = "regression: " if regression else ""
     stages = _asked(dynamics, data, config, regression=regression, answered=answered)
     turns = any(stage.corrections & ACTUATION for stage in stages)
-    goes_on = functools.partial(LevenbergStage, config=config, corrections=judged, errors=Errors.AS_BEFORE)
+    goes_on = functools.partial(LevenbergStage, config=config, corrections=judged, errors=Errors.AS_FOUND)
     if learns:
-        stages.append(goes_on(data, name=f"{of}relevance", steps=learn, margin=-CHANCE, learns=True))
-        if not regression and data.validation is not None:  # Without, they would be whitened whatever comes of it.
-            white = goes_on(data, name="whitened errors", steps=learn, margin=0.0, learns=True)
-            stages.append(dataclasses.replace(white, errors=Errors.WHITENED))
+        relevance = goes_on(data, name=f"{of}relevance", steps=learn, margin=-CHANCE, learns=True)
+        if not regression and data.validation is not None:
+            stages += _both_ways(relevance, stiff=data.in_turn or energies_are_given(dynamics))
+        else:
+            stages.append(relevance)
     if not grow:
         return stages
     anew = turns and regression and not energies_are_given(dynamics)  # What is given cannot be bent.
@@ -191,6 +192,31 @@ def _further(
     if learns:
         stages.append(goes_on(longest, name=f"{of}refit", steps=grow, margin=CLEAR))
     return stages
+
+
+def _both_ways(relevance: LevenbergStage, *, stiff: bool) -> list[LevenbergStage]:
+    """Priors learned beside errors as they are, and beside what is new in them, from the same model on.
+
+    Disturbances that no model knows make errors alike, and whitened ones then tell many numbers better: of measured
+    arms that were learned whole, recordings held out were predicted to 0.03 rad for 0.04. But so does what a model
+    lacks, and is no noise: three numbers of a propeller's arm that follows its input slowly missed 3.4 rad of their own
+    recording by whitened errors, 0.07 rad without. Few numbers scatter little, and lack more.
+
+    Args:
+        relevance: The stage.
+        stiff: Whether few numbers are learned.
+
+    Returns:
+        Both stages.
+    """
+    whitened = dataclasses.replace(
+        relevance,
+        name="whitened errors",
+        margin=-CHANCE if stiff else -CLEAR,
+        errors=Errors.WHITENED,
+        begins=Again(),
+    )
+    return [dataclasses.replace(relevance, errors=Errors.ALIKE), whitened]
 
 
 def _asked(

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from symoden.spaces import Space
 
@@ -25,7 +25,7 @@ class Errors(enum.Enum):
 
     ALIKE = "all alike"
     WHITENED = "what is new in them, where starts are as measured"
-    AS_BEFORE = "as they did for the best model"
+    AS_FOUND = "the same, unless models were found to predict worse by it"
 
 
 class Whitening(NamedTuple):
@@ -75,11 +75,13 @@ class Weighing(NamedTuple):
             the measured states.
         whitening: What is new in an error; where starts are estimated, all of it is.
         effect: How many residuals count as one beside priors: what the whitening has left of their likeness.
+        refused: Whether models were found to predict worse by whitened errors.
     """
 
     level: Float[Array, ""]
     whitening: Whitening
     effect: Float[Array, ""]
+    refused: Bool[Array, ""]
 
     @classmethod
     def plain(cls, channels: int, level: float = math.inf) -> "Weighing":
@@ -92,24 +94,31 @@ class Weighing(NamedTuple):
         Returns:
             The weighing.
         """
-        return cls(jnp.asarray(level, float), Whitening.none(channels), jnp.asarray(1.0, float))
+        one, accepted = jnp.asarray(1.0, float), jnp.asarray(a=False)
+        return cls(jnp.asarray(level, float), Whitening.none(channels), one, accepted)
 
     @classmethod
-    def alike(cls, space: Space) -> "Weighing":
+    def alike(cls, space: Space, before: "Weighing | None" = None) -> "Weighing":
         """All errors of a mechanism's rollouts count alike.
 
         Args:
             space: Its space.
+            before: The weighing before, if it is to be remembered what was found of whitened errors.
 
         Returns:
             The weighing.
         """
-        return cls.plain(space.embedded_size + space.size)
+        plain = cls.plain(space.embedded_size + space.size)
+        return plain if before is None else plain._replace(refused=before.refused)
 
     @property
     def is_whitened(self) -> bool:
         """Whether errors count by what is new in them."""
         return bool(np.any(np.asarray(self.whitening.lags)))
+
+    def refusing(self) -> "Weighing":
+        """The same where models were found to predict worse by whitened errors."""
+        return self._replace(refused=jnp.asarray(a=True))
 
     def unwhitened(self) -> "Weighing":
         """The same, but errors count as they are, as they do for who wants to know how well a model predicts."""

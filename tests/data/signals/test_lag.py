@@ -1,5 +1,7 @@
 """What acts follows an input by a first-order lag, exactly at any time stamps, and nothing is made up."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -51,7 +53,9 @@ def test_rows_in_between_change_nothing(seed, lag):
     u = rng.normal(size=200)
     middle = (ts[:-1] + ts[1:]) / 2
     dense = np.insert(ts, np.arange(1, 200), middle)
-    for hold, between in (("zero", u[:-1]), ("linear", (u[:-1] + u[1:]) / 2)):
+    holds: tuple[tuple[Literal["zero", "linear"], np.ndarray], ...]
+    holds = ("zero", u[:-1]), ("linear", (u[:-1] + u[1:]) / 2)
+    for hold, between in holds:
         plain = lag_inputs(logged(ts, u), (lag,), hold=hold)
         finer = lag_inputs(logged(dense, np.insert(u, np.arange(1, 200), between)), (lag,), hold=hold)
         finer = finer.cut(int(np.searchsorted(finer.ts, plain.ts[0])), len(finer), name="run")
