@@ -308,7 +308,7 @@ def test_a_run_that_ends_soon_after_it_began_anew_has_the_model_from_before(grow
         return progress
 
     with pytest.warns(DataWarning, match="Training begins anew"):
-        first = fit(dataset, model=MODEL, config=config, progress=stop_after("relevance", 1))
+        first = fit(dataset, model=MODEL, config=config, progress=stop_after("whitened errors", 1))
     with pytest.warns(DataWarning, match="Training begins anew"):
         second = fit(dataset, model=MODEL, config=config, progress=stop_after("adam", 2))
     assert second.config.left_out is None

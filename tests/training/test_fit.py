@@ -216,8 +216,8 @@ def test_networks_of_too_many_numbers_stay_closed_and_priors_of_too_many_as_they
         return [name for name in names if "regression" not in name]
 
     assert few < all_of_them
-    assert names(all_of_them) == ["levenberg-marquardt", "relevance", "refit", "growth"]
-    assert names(all_of_them - 1) == names(few) == ["levenberg-marquardt", "relevance", "refit"]
+    assert names(all_of_them) == ["levenberg-marquardt", "relevance", "whitened errors", "refit", "growth"]
+    assert names(all_of_them - 1) == names(few) == ["levenberg-marquardt", "relevance", "whitened errors", "refit"]
     assert names(few - 1) == ["levenberg-marquardt"]
 
 

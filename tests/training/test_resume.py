@@ -102,7 +102,7 @@ def test_damaged_metrics_are_named(pendulum, small, quick, tmp_path, text):
 def test_what_time_ran_out_for_is_judged_as_cut_short(pendulum, small, quick, tmp_path, in_strides):
     config = dataclasses.replace(quick, adam_steps=5, lm_steps=1, growth_steps=0, relevance_steps=2)
     *parts, last = in_strides(pendulum(count=16), most=20, model=small, config=config, folder=tmp_path)
-    during, ended = parts[-1].verdicts["relevance"], last.verdicts["relevance"]
+    during, ended = (part.verdicts["whitened errors"] for part in (parts[-1], last))
     assert during.startswith(("cut short, kept (", "cut short, not kept ("))
     assert ended.startswith(("kept (", "not kept ("))
 

@@ -28,7 +28,7 @@ from ._residuals import evaluate_residuals
 from ._stages import AbstractStage, Clock, never
 from ._state import TrainingState
 from ._weak_form import WeakForm, has_weak_form
-from ._weighing import Weighing
+from ._weighing import Errors, Weighing
 
 _USUAL: Final = 0.9  # Quantile of what a model leaves unexplained: two to three times the median.
 _FAR: Final = 8.0  # Times that: where it is much, machines without disturbances have 4.5 at most, pushes 10 to 500.
@@ -155,7 +155,9 @@ def screening_of(
     """
     first: dict[bool, int] = {}
     for k, each in enumerate(stages):
-        if isinstance(each, LevenbergStage) and each.learns:
+        if isinstance(each, LevenbergStage) and each.learns and each.errors is Errors.WHITENED:
+            first[each.regresses] = k  # By the better one of both ways.
+        elif isinstance(each, LevenbergStage) and each.learns:
             first.setdefault(each.regresses, k)
     names = [each.name for each in (*dataset.train, *dataset.validation)]
     if not first or not config.scaled_loss or len(set(names)) < len(names):

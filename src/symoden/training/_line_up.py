@@ -163,7 +163,8 @@ def _further(
     of = "regression: " if regression else ""
     stages = _asked(dynamics, data, config, regression=regression, answered=answered)
     turns = any(stage.corrections & ACTUATION for stage in stages)
-    goes_on = functools.partial(LevenbergStage, config=config, corrections=judged, errors=Errors.AS_FOUND)
+    errors = Errors.ALIKE if regression else Errors.AS_FOUND  # Under bumps they are independent.
+    goes_on = functools.partial(LevenbergStage, config=config, corrections=judged, errors=errors)
     if learns:
         relevance = goes_on(data, name=f"{of}relevance", steps=learn, margin=-CHANCE, learns=True)
         if not regression and data.validation is not None:
