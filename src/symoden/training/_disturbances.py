@@ -153,17 +153,15 @@ def screening_of(
         It; none where no priors are learned, so that hardly a model is good enough to tell, where recordings are too
         short, or several have the same name.
     """
-    first: dict[bool, int] = {}
+    after: dict[bool, int] = {}  # The first that learns priors; where errors count in both ways, the second.
     for k, each in enumerate(stages):
-        if isinstance(each, LevenbergStage) and each.learns and each.errors is Errors.WHITENED:
-            first[each.regresses] = k  # By the better one of both ways.
-        elif isinstance(each, LevenbergStage) and each.learns:
-            first.setdefault(each.regresses, k)
+        if isinstance(each, LevenbergStage) and each.learns:
+            after[each.regresses] = k if each.errors is Errors.WHITENED else after.get(each.regresses, k)
     names = [each.name for each in (*dataset.train, *dataset.validation)]
-    if not first or not config.scaled_loss or len(set(names)) < len(names):
+    if not after or not config.scaled_loss or len(set(names)) < len(names):
         return None
     data = regression_data(held, dynamics, config)
-    return None if data is None else Screening(tuple(first.values()), data, dataset, config)
+    return None if data is None else Screening(tuple(after.values()), data, dataset, config)
 
 
 def find_disturbances(

@@ -138,7 +138,7 @@ class LevenbergStage(AbstractStage):
 
     def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
         """Take one step."""
-        if state.step == 0 and (why := self._needless(state) or self._alike(state)):
+        if state.step == 0 and (why := self._needless(state) or self._nothing_new(state)):
             state = self._undone(state)
             loss = state.best_loss
             return state, Report(loss, loss, finished=True, outcome=why, verdict=Skipped(why))
@@ -289,7 +289,7 @@ class LevenbergStage(AbstractStage):
         loss = evaluate_loss(state.model, self.objective(state.substeps, state.weighing), self.data.choosing)
         return state._replace(best=state.model, best_loss=loss)
 
-    def _alike(self, state: TrainingState) -> str:
+    def _nothing_new(self, state: TrainingState) -> str:
         """Why there is nothing new in the errors that are to be whitened, if so."""
         alike = self.errors is Errors.WHITENED and not state.weighing.is_whitened
         return "errors are independent, or too few" if alike else ""

@@ -5,12 +5,36 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 from scipy.interpolate import PchipInterpolator
 
 from symoden.data._errors import DataError
 from symoden.data._trajectory import Trajectory
 
 from ._resample import centred_mean, held_mean
+
+
+def one_each(seconds: Sequence[float], count: int, *, key: str, of: str, name: str) -> Float[np.ndarray, " k"]:
+    """Times for each column of one kind.
+
+    Args:
+        seconds: One for each column, or one for all of them [s].
+        count: Number of columns k.
+        key: What a description calls the times.
+        of: What the columns are, one of them.
+        name: Name of the recording.
+
+    Returns:
+        One for each column.
+
+    Raises:
+        DataError: If their number is wrong.
+    """
+    if len(seconds) not in (1, count):
+        raise DataError(
+            f"`{name}`: `{key}` must be one number or one per {of}, {count}; got {len(seconds)}: {list(seconds)}."
+        )
+    return np.broadcast_to(np.asarray(seconds, float), count)
 
 
 def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Literal["zero", "linear"]) -> Trajectory:
@@ -34,12 +58,8 @@ def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Liter
         DataError: If their number is wrong, or a delay leaves less than two samples.
     """
     ts, us = trajectory.ts, trajectory.us
-    if len(delays) not in (1, us.shape[1]):
-        raise DataError(
-            f"`{trajectory.name}`: `input_delay` must be one number or one per input, {us.shape[1]}; "
-            f"got {len(delays)}: {list(delays)}."
-        )
-    if not us.shape[1] or not any(delays):
+    every = one_each(delays, us.shape[1], key="input_delay", of="input", name=trajectory.name)
+    if not every.any():
         return trajectory
     late, early = max(0.0, *delays), max(0.0, *(-delay for delay in delays))
     first = int(np.searchsorted(ts, ts[0] + late * (1 - 1e-12)))
@@ -52,7 +72,7 @@ def delay_inputs(trajectory: Trajectory, delays: Sequence[float], *, hold: Liter
     elapsed = ts - ts[0]
     steps = np.diff(elapsed, append=2 * elapsed[-1] - elapsed[-2])[first:stop, None]
     columns = []
-    for column, delay in zip(us.T, np.broadcast_to(delays, us.shape[1]), strict=True):
+    for column, delay in zip(us.T, every, strict=True):
         at = np.clip(elapsed[first:stop] - delay, 0.0, elapsed[-1])
         if hold == "zero":
             columns.append(held_mean(elapsed, column[:, None], at, steps))
@@ -82,12 +102,8 @@ def advance_positions(trajectory: Trajectory, delays: Sequence[float]) -> Trajec
         Fritsch & Carlson (1980), *Monotone piecewise cubic interpolation*.
     """
     ts, size = trajectory.ts, trajectory.q.shape[1]
-    if len(delays) not in (1, size):
-        raise DataError(
-            f"`{trajectory.name}`: `position_delay` must be one number or one per position, {size}; "
-            f"got {len(delays)}: {list(delays)}."
-        )
-    if not any(delays):
+    every = one_each(delays, size, key="position_delay", of="position", name=trajectory.name)
+    if not every.any():
         return trajectory
     longest = max(delays)
     count = int(np.searchsorted(ts, ts[-1] - longest * (1 - 1e-12), side="right"))
@@ -99,7 +115,7 @@ def advance_positions(trajectory: Trajectory, delays: Sequence[float]) -> Trajec
     elapsed = ts - ts[0]
     kept = trajectory.cut(0, count, name=trajectory.name)
     q, rates = kept.q.copy(), kept.rates.copy()
-    for i, delay in enumerate(np.broadcast_to(delays, size)):
+    for i, delay in enumerate(every):
         if delay:
             at = np.minimum(elapsed[:count] + delay, elapsed[-1])
             q[:, i] = PchipInterpolator(elapsed, trajectory.q[:, i])(at)

@@ -10,6 +10,8 @@ from jaxtyping import Float
 from symoden.data._errors import DataError
 from symoden.data._trajectory import Trajectory
 
+from ._delay import one_each
+
 SETTLED: Final = 3.0
 """Time constants after which a twentieth is left of what acted before a recording."""
 
@@ -34,15 +36,11 @@ def lag_inputs(trajectory: Trajectory, lags: Sequence[float], *, hold: Literal["
         DataError: If their number is wrong, or less than two samples are left.
     """
     ts, us = trajectory.ts, trajectory.us
-    if len(lags) not in (1, us.shape[1]):
-        raise DataError(
-            f"`{trajectory.name}`: `input_lag` must be one number or one per input, {us.shape[1]}; "
-            f"got {len(lags)}: {list(lags)}."
-        )
-    every = np.where(us.any(axis=0), np.broadcast_to(lags, us.shape[1]), 0.0)
+    told = one_each(lags, us.shape[1], key="input_lag", of="input", name=trajectory.name)
+    every = np.where(us.any(axis=0), told, 0.0)
     if not every.any():
         return trajectory
-    first = int(np.searchsorted(ts, ts[0] + SETTLED * every.max() * (1 - 1e-12)))
+    first = int(np.searchsorted(ts, ts[0] + settling(every) * (1 - 1e-12)))
     if len(ts) - first < 2:
         raise DataError(
             f"`{trajectory.name}`: `input_lag` must be less than a third of the recording, whose first samples do not "
@@ -71,7 +69,7 @@ def _followed(
     return u + (x - u) * -np.expm1(-widths / lag) * lag / widths
 
 
-def settling(lags: Sequence[float]) -> float:
+def settling(lags: Sequence[float] | np.ndarray) -> float:
     """How much of a recording's beginning may be left out for lags.
 
     Args:
