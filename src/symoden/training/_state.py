@@ -6,6 +6,7 @@ from jaxtyping import PyTree
 
 from symoden.mechanics import AbstractDynamics
 
+from ._lateness import Lateness
 from ._verdicts import Skipped, Verdict
 from ._weighing import Weighing
 
@@ -68,15 +69,15 @@ class Report(NamedTuple):
         validation: Validation loss; None without validation data.
         finished: Whether the stage is over.
         outcome: Why, in words; empty while it goes on.
-        verdict: Whether what came of it is kept, and by what, or that it was skipped; None while it goes on, and where
-            nothing else than the loss was asked.
+        verdict: Whether what came of it is kept, and by what, that it was skipped, or what was found; None while it
+            goes on, and where nothing else than the loss was asked.
     """
 
     loss: float
     validation: float | None
     finished: bool
     outcome: str = ""
-    verdict: Verdict | Skipped | None = None
+    verdict: Verdict | Skipped | Lateness | None = None
 
 
 class Findings(NamedTuple):
@@ -97,7 +98,7 @@ class Findings(NamedTuple):
         """What is known before the first one."""
         return cls("all steps taken", {}, ())
 
-    def told(self, stage: str, verdict: Verdict | Skipped | None) -> "Findings":
+    def told(self, stage: str, verdict: Verdict | Skipped | Lateness | None) -> "Findings":
         """The same with another verdict, if there is one.
 
         Args:

@@ -89,7 +89,11 @@ def _finding(dataset: Dataset, delays: Sequence[float], change: float, *, now: f
     wrong = now > _MUCH and then <= _FAR_LESS * now
     sooner = "sooner than `input_delay` says" if any(delays) else "before their rows"
     when = f"{abs(change):.4g} s {'late' if change > 0 else sooner}"
-    why = ": by drives, networks or slow actuators (which an `input_lag` may suit). " if change > 0 else ". "
+    why = (
+        ": by drives, networks or slow actuators (which an `input_lag` may suit; `train` tells which). "
+        if change > 0
+        else ". "
+    )
     if min(total) < 0:
         why = ": by filters, or means that are stamped at their end. "
     return Finding(

@@ -1,0 +1,242 @@
+"""Inputs that act later than the log says, as those of motors, propellers, valves and networks do."""
+
+import dataclasses
+import functools
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple, TypeAlias, final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from symoden.blocks import FRICTION, kinds_in_use
+from symoden.data import Dataset, DataWarning, Trajectory
+from symoden.data.signals import delay_inputs, lag_inputs, settling
+from symoden.mechanics import AbstractDynamics
+
+from ._data import levenberg_data
+from ._flatten import cast
+from ._lateness import Key, Lateness
+from ._left_out import Contender
+from ._level import LEAST_WINDOWS
+from ._levenberg_stage import LevenbergStage
+from ._stages import EXPLAINED, AbstractStage, Clock, never
+from ._state import Report, TrainingState
+from ._verdicts import CLEAR, Skipped, standard_errors, window_losses
+
+_LEAST: Final = 1 / 32  # Of a window: what is sooner over hardly shows in one.
+_LONGEST: Final = 1 / 2  # Of a window.
+_STEPS: Final = 12  # Of each fit.
+_NEAR: Final = 1.5  # Factor within which the best one is looked for.
+_CLOSER: Final = 3  # Fits, each where the parabola through three before is lowest.
+_LESS: Final = 0.7  # Share of the loss that is left: 0.01 to 0.5 where inputs are late, 0.9 and more where none are.
+_UNLIKE: Final = 0.8  # Share of that of one time for all inputs, which one for each of them must leave.
+
+
+class _Late(NamedTuple):
+    """What is left with inputs that act so late.
+
+    Attributes:
+        seconds: How late each of them acts [s].
+        model: The model, fitted to that.
+        losses: Of every window.
+    """
+
+    seconds: tuple[float, ...]
+    model: AbstractDynamics
+    losses: Float[np.ndarray, " W"]
+
+    @property
+    def loss(self) -> float:
+        """Their mean."""
+        return float(np.mean(self.losses))
+
+
+_Refit: TypeAlias = Callable[[AbstractDynamics, tuple[float, ...]], _Late]
+"""Fits a model again, with inputs that act so late."""
+
+
+@final
+@dataclass(frozen=True)
+class LateInputs(AbstractStage):
+    """Says whether inputs act late, by a lag of first order or a delay; the model stays as it is.
+
+    What acts late and is taken for what acts at once bends all that is learned afterwards: friction's laws and V take
+    up what they can of it. So it is asked of a model that is still simple. That is fitted again, with longer and longer
+    lags, each from the fit before, as long as its errors fall. Regressions of accelerations do not tell lags, nor does
+    a model that is bent already (`benchmarks/`).
+
+    Attributes:
+        dataset: Recordings, with their validation part.
+        levenberg: A stage like the one that found the model.
+        name: What reports call it.
+        steps: One stride, which asks now and then whether the time is over.
+    """
+
+    dataset: Dataset
+    levenberg: LevenbergStage
+    name: str = "late inputs"
+    steps: int = 1
+
+    def applies(self, state: TrainingState) -> bool:
+        """Whether there is something to explain."""
+        return bool(EXPLAINED <= state.best_loss < np.inf)
+
+    def start(self, state: TrainingState) -> TrainingState:
+        """Begin from the best model so far, errors counting as they did for that."""
+        begun = self.levenberg.start(state)
+        best = cast(begun.best, jnp.float64)
+        return begun._replace(best=best, model=best, origin=state.origin)
+
+    def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
+        """Ask, and warn where inputs are late."""
+        verdict = self._asked(state, is_over)
+        if isinstance(verdict, Lateness) and verdict.found:
+            warnings.warn(f"`{self.dataset.name}`: {verdict.advice}", DataWarning, stacklevel=2)
+        return state, Report(state.best_loss, None, finished=True, verdict=verdict)
+
+    def settled(self, state: TrainingState) -> tuple[TrainingState, None]:
+        """As it is."""
+        return state, None
+
+    def _asked(self, state: TrainingState, is_over: Clock) -> Lateness | Skipped:
+        """What lags and delays would leave of the errors."""
+        refit = functools.partial(self._refitted, state, is_over)
+        none = (0.0,) * self.dataset.inputs
+        lagging, delayed = (functools.partial(refit, key) for key in ("input_lag", "input_delay"))
+        at_once = lagging(state.best, none)
+        if len(at_once.losses) < LEAST_WINDOWS:
+            return Skipped("too few windows to tell")
+        lag = self._followed(at_once, lagging)
+        lateness = _told("input_lag", lag, at_once)
+        if not lateness.found:
+            return lateness
+        delay = self._followed(at_once, delayed)
+        # Dry friction, too, makes a simple model late, and blurs which of both it is.
+        lagging, delayed = (functools.partial(each, freed=FRICTION) for each in (lagging, delayed))
+        at_once = lagging(at_once.model, none)
+        lag, delay = _refined(lag, lagging), _refined(delay, delayed)
+        if lag.loss <= delay.loss:
+            return _told("input_lag", _each_apart(lag, lagging), at_once)._replace(other=delay.loss)
+        return _told("input_delay", _each_apart(delay, delayed), at_once)._replace(other=lag.loss)
+
+    def _followed(self, at_once: _Late, refit: _Refit) -> _Late:
+        """The time that leaves least, the same for all inputs, each twice as long as the one before."""
+        spans = np.asarray(self.levenberg.data.train.ts)[:, [0, -1]]
+        window = float(np.median(spans[:, 1] - spans[:, 0]))
+        best, late, seconds = at_once, at_once, _LEAST * window
+        while best is late and seconds <= _LONGEST * window:
+            late = refit(best.model, (seconds,) * self.dataset.inputs)
+            best = late if late.loss < best.loss or best is at_once else best
+            seconds *= 2
+        return best
+
+    def _refitted(
+        self,
+        state: TrainingState,
+        is_over: Clock,
+        key: Key,
+        model: AbstractDynamics,
+        seconds: tuple[float, ...],
+        *,
+        freed: int = 0,
+    ) -> _Late:
+        """The model fitted to inputs that act so late."""
+        data, config = self.levenberg.data, self.levenberg.config
+        if any(seconds):  # Of validation recordings it may not be known what acted before.
+            train = tuple(_acting(each, key, seconds, self.dataset.hold) for each in self.dataset.train)
+            data = levenberg_data(dataclasses.replace(self.dataset, train=train), model, config)
+        step = functools.partial(
+            self.levenberg.step, substeps=state.substeps, weighing=state.weighing, priors=state.memory
+        )
+        steps = config.growth_steps if freed else _STEPS
+        contender = Contender(model, kinds_in_use(model) | freed, step, steps, config.damping)
+        fitted = contender.refitted(data.train, is_over)
+        objective = self.levenberg.objective(state.substeps, state.weighing)
+        return _Late(seconds, fitted, window_losses(fitted, objective, data.train))
+
+
+def varies(dataset: Dataset) -> bool:
+    """Whether inputs change while something is recorded: else nothing tells when they act.
+
+    Args:
+        dataset: Recordings.
+
+    Returns:
+        Whether they do.
+    """
+    return any(np.ptp(each.us, axis=0).any() for each in dataset.train)
+
+
+def _acting(recording: Trajectory, key: Key, seconds: tuple[float, ...], hold: Literal["zero", "linear"]) -> Trajectory:
+    """The recording of what acts, as if its first inputs had acted for long before: windows stay where they were."""
+    before = 1.01 * (settling(seconds) if key == "input_lag" else max(seconds))
+    longer = dataclasses.replace(
+        recording,
+        ts=np.append(recording.ts[0] - before, recording.ts),
+        q=_with_first_twice(recording.q),
+        rates=_with_first_twice(recording.rates),
+        us=_with_first_twice(recording.us),
+    )
+    late = {"input_lag": lag_inputs, "input_delay": delay_inputs}[key]
+    return late(longer, seconds, hold=hold)
+
+
+def _with_first_twice(rows: np.ndarray) -> np.ndarray:
+    """Rows, the first one twice."""
+    return np.concatenate([rows[:1], rows])
+
+
+def _refined(about: _Late, refit: _Refit) -> _Late:
+    """The time that leaves least near one that is right to a factor of two, the same for all inputs.
+
+    Returns:
+        What it leaves.
+
+    References:
+        Brent (1973), *Algorithms for minimization without derivatives*, chapter 5: successive parabolic interpolation.
+    """
+    inputs, seconds = len(about.seconds), about.seconds[0]
+    tried = [refit(about.model, (seconds * factor,) * inputs) for factor in (1 / _NEAR, 1.0, _NEAR)]
+    for _ in range(_CLOSER):
+        best = min(range(len(tried)), key=lambda k: tried[k].loss)
+        if 0 < best < len(tried) - 1:
+            near = tried[best - 1 : best + 2]
+            seconds = _lowest([each.seconds[0] for each in near], [each.loss for each in near])
+        else:
+            seconds = tried[best].seconds[0] * (_NEAR if best else 1 / _NEAR)
+        tried.append(refit(tried[best].model, (seconds,) * inputs))
+        tried.sort(key=lambda each: each.seconds)
+    return min(tried, key=lambda each: each.loss)
+
+
+def _each_apart(same: _Late, refit: _Refit) -> _Late:
+    """The time of each input, where that leaves much less than the same for all."""
+    best = same
+    for i in range(len(same.seconds) if len(same.seconds) > 1 else 0):
+
+        def at(seconds: float, best: _Late = best, i: int = i) -> _Late:
+            return refit(best.model, (*best.seconds[:i], seconds, *best.seconds[i + 1 :]))
+
+        now = best.seconds[i]
+        tried = [at(0.0), best, at(2 * now)]
+        losses = [each.loss for each in tried]
+        if losses[1] < min(losses[0], losses[2]):
+            tried.append(at(_lowest([0.0, now, 2 * now], losses)))
+        best = min(tried, key=lambda each: each.loss)
+    return best if best.loss < _UNLIKE * same.loss else same
+
+
+def _lowest(seconds: list[float], losses: list[float]) -> float:
+    """Where the parabola through the logarithms of three losses is lowest, the second of which is the least."""
+    curve = np.polyfit(seconds, np.log(losses), 2)
+    return float(np.clip(-curve[1] / (2 * curve[0]), seconds[0], seconds[-1]))
+
+
+def _told(key: Key, late: _Late, at_once: _Late) -> Lateness:
+    """What is to be said of inputs that act late, beside those that act at once."""
+    gained = -standard_errors(late.losses, at_once.losses)
+    clear = gained > CLEAR and late.loss < _LESS * at_once.loss
+    return Lateness(key, late.seconds, late.loss, at_once.loss, len(late.losses), gained, found=bool(clear))

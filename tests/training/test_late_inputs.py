@@ -1,0 +1,158 @@
+"""Training says when inputs act late, and whether by a lag or a delay; it leaves the model as it is."""
+
+import dataclasses
+import warnings
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+from symoden import KnownParts, Trajectory, fit
+from symoden.data import Dataset
+from symoden.data.signals import delay_inputs, lag_inputs
+from symoden.models import build
+from symoden.spaces import Space
+from symoden.training import TrainingConfig, _late_inputs
+from symoden.training._data import levenberg_data
+from symoden.training._late_inputs import LateInputs
+from symoden.training._lateness import Lateness
+from symoden.training._line_up import line_up
+from symoden.training._stages import OutOfTime
+from symoden.training._verdicts import Skipped
+
+KNOWN = KnownParts(
+    mass_matrix=[["1"]],
+    potential_energy="-k*cos(q1)",
+    input_matrix=[["b"]],
+    parameters={"k": 3.0, "b": 2.0},
+)
+FINE = 40
+CONFIG = TrainingConfig(seed=0)
+
+
+def swing(*, lag=0.0, delay=0.0, noise=1e-4, seed=0):
+    """A pendulum with damping whose motor follows its steps late, seen at 25 Hz."""
+    generator = np.random.default_rng(seed)
+    us = np.repeat(generator.uniform(-3.0, 3.0, 20), 20)
+    told = np.repeat(us, FINE)
+    late = round(delay / 0.04 * FINE)
+    acting = np.concatenate([np.full(late, us[0]), told])[: len(told)]
+    fine, states, x = 0.04 / FINE, [(0.0, 0.0)], us[0]
+    for u in acting:
+        q, v = states[-1]
+        x = u if lag == 0 else u + (x - u) * np.exp(-fine / lag)
+        v = v + fine * (x - 5.0 * np.sin(q) - 0.3 * v)
+        states.append((q + fine * v, v))
+    q, v = np.array(states[:-1:FINE]).T
+    seen = q + noise * generator.normal(size=q.shape)
+    ts = 0.04 * np.arange(len(us))
+    return Trajectory(name="swing", ts=ts, q=seen[:, None], rates=v[:, None], us=us[:, None])
+
+
+def asked(recording, **settings):
+    """What is found of late inputs, and what is warned of."""
+    said = []
+
+    def until_told(progress):
+        if progress.stage == "late inputs":
+            said.append(progress.verdict)
+            raise StopIteration
+
+    dataset = Dataset(name="late", space="T1", train=(recording,), known=KNOWN)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        fit(dataset, config=dataclasses.replace(CONFIG, **settings), progress=until_told)
+    return *said, [str(each.message) for each in caught if "inputs seem to act late" in str(each.message)]
+
+
+def seconds_in(words, key):
+    """The time that is told."""
+    return float(words.split(f"`{key} = ")[1].split("`")[0])
+
+
+@pytest.mark.parametrize("lag", [0.06, 0.15])
+def test_a_lag_is_found(lag):
+    verdict, (warning,) = asked(swing(lag=lag))
+    assert verdict.startswith("found")
+    assert seconds_in(verdict, "input_lag") == pytest.approx(lag, rel=0.15)
+    assert "Write `input_lag = " in warning
+    assert ", with a delay " in warning
+
+
+@pytest.mark.parametrize("delay", [0.06, 0.12])
+def test_a_delay_is_found_and_told_from_a_lag(delay):
+    verdict, (warning,) = asked(swing(delay=delay))
+    assert verdict.startswith("found")
+    assert seconds_in(verdict, "input_delay") == pytest.approx(delay, rel=0.15)
+    assert ", with a lag " in warning
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_of_inputs_that_act_at_once_nothing_is_told(seed):
+    verdict, said = asked(swing(noise=0.003, seed=seed))
+    assert verdict.startswith("none")
+    assert said == []
+
+
+def test_a_lag_that_is_told_already_is_not_found_again():
+    verdict, said = asked(lag_inputs(swing(lag=0.15, noise=0.003), [0.15], hold="zero"))
+    assert verdict.startswith("none")
+    assert said == []
+
+
+def test_the_model_stays_as_it_is(stage, pendulum, quick):
+    levenberg, state = stage
+    dataset = pendulum(count=8)
+    late = LateInputs(dataset, dataclasses.replace(levenberg, data=levenberg_data(dataset, state.best, quick)))
+    begun = late.start(state._replace(origin=3, best_loss=0.5))
+    after, report = late.advance(begun)
+    assert report.finished
+    assert isinstance(report.verdict, Lateness | Skipped)
+    assert eqx.tree_equal(after, begun)
+    assert after.origin == 3
+    with pytest.raises(OutOfTime):
+        late.advance(begun, is_over=lambda: True)
+
+
+def test_it_is_asked_only_where_inputs_can_tell(pendulum, small, quick):
+    model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
+
+    def is_asked(dataset, config=quick):
+        return any(isinstance(each, LateInputs) for each in line_up(dataset, model, (model,), config))
+
+    moved = pendulum(count=8)
+    constant = [dataclasses.replace(each, us=np.full_like(each.us, k)) for k, each in enumerate(moved.train)]
+    assert is_asked(moved)
+    assert not is_asked(dataclasses.replace(moved, train=tuple(constant)))
+    assert not is_asked(moved, dataclasses.replace(quick, growth_steps=0))
+    assert not is_asked(moved, dataclasses.replace(quick, scaled_loss=False))
+
+
+@pytest.mark.parametrize("key", ["input_lag", "input_delay"])
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_windows_stay_where_they_were(key, hold):
+    recording = dataclasses.replace(swing(), ts=1.7e9 + swing().ts)
+    acting = _late_inputs._acting(recording, key, (0.1,), hold)
+    for name in ("ts", "q", "rates"):
+        np.testing.assert_array_equal(getattr(acting, name), getattr(recording, name))
+    one = dataclasses.replace(recording, us=np.full_like(recording.us, 2.0))
+    np.testing.assert_allclose(_late_inputs._acting(one, key, (0.1,), hold).us, 2.0, rtol=1e-12)
+    # Once what acted before no longer matters, it is what the description's keys make of it.
+    late = {"input_lag": lag_inputs, "input_delay": delay_inputs}[key](recording, [0.1], hold=hold)
+    np.testing.assert_allclose(acting.us[-200:], late.us[-200:], rtol=0, atol=1e-6)
+
+
+def test_words_say_what_is_left():
+    found = Lateness("input_lag", (0.123, 0.123), 0.01, 0.1, 30, 2.5, found=True, other=0.02)
+    assert str(found) == (
+        "found (with a lag a simple model is left with a loss of 0.01 over 30 windows, 0.1 without (+2.50 standard "
+        "errors), with a delay 0.02; `input_lag = 0.12`)"
+    )
+    assert "Write `input_lag = 0.12` into the description" in found.advice
+    assert not found.hardly
+    none = found._replace(key="input_delay", seconds=(0.1, 0.0), gained=np.inf, found=False, other=None)
+    assert str(none) == (
+        "none (with a delay a simple model is left with a loss of 0.01 over 30 windows, 0.1 without; "
+        "`input_delay = [0.1, 0]`)"
+    )
