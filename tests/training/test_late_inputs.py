@@ -109,7 +109,7 @@ def test_the_model_stays_as_it_is(stage, pendulum, quick):
     after, report = late.advance(begun)
     assert report.finished
     assert isinstance(report.verdict, Lateness | Skipped)
-    assert eqx.tree_equal(after, begun)
+    assert eqx.tree_equal(after._replace(step=0), begun)
     assert after.origin == 3
     with pytest.raises(OutOfTime):
         late.advance(begun, is_over=lambda: True)

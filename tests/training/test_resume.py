@@ -67,6 +67,7 @@ def test_stopped_after_every_stride_and_resumed_gives_the_same_bits(
         "adam 2 of 3",
         "adam 3 of 3",
         "levenberg-marquardt",
+        "late inputs",
         "relevance",
         "refit",
         "refit on half",

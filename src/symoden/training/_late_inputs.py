@@ -95,7 +95,7 @@ class LateInputs(AbstractStage):
         verdict = self._asked(state, is_over)
         if isinstance(verdict, Lateness) and verdict.found:
             warnings.warn(f"`{self.dataset.name}`: {verdict.advice}", DataWarning, stacklevel=2)
-        return state, Report(state.best_loss, None, finished=True, verdict=verdict)
+        return state._replace(step=1), Report(state.best_loss, None, finished=True, verdict=verdict)
 
     def settled(self, state: TrainingState) -> tuple[TrainingState, None]:
         """As it is."""

@@ -53,8 +53,8 @@ def run(
         lines.append({key: _json(value) for key, value in now._asdict().items()})
         findings = findings.told(stage.name, report.verdict)
         if report.finished:
-            # Why a stage was skipped says nothing of the training.
-            findings = findings._replace(outcome=report.outcome) if state.step else findings
+            # Why a stage was skipped says nothing of the training, nor does one that only asks.
+            findings = findings._replace(outcome=report.outcome) if state.step and report.outcome else findings
         state = after
         if not disturbed:  # Else a run that goes on finds it again.
             journal.write(stages, state, findings, lines, seconds=seconds)
