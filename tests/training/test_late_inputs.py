@@ -77,7 +77,7 @@ def test_a_lag_is_found(lag):
     assert verdict.startswith("found")
     assert seconds_in(verdict, "input_lag") == pytest.approx(lag, rel=0.15)
     assert "Write `input_lag = " in warning
-    assert ", with a delay " in warning
+    assert "with a delay " in warning
 
 
 @pytest.mark.parametrize("delay", [0.06, 0.12])
@@ -85,7 +85,7 @@ def test_a_delay_is_found_and_told_from_a_lag(delay):
     verdict, (warning,) = asked(swing(delay=delay))
     assert verdict.startswith("found")
     assert seconds_in(verdict, "input_delay") == pytest.approx(delay, rel=0.15)
-    assert ", with a lag " in warning
+    assert "with a lag " in warning
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -146,13 +146,26 @@ def test_windows_stay_where_they_were(key, hold):
 def test_words_say_what_is_left():
     found = Lateness("input_lag", (0.123, 0.123), 0.01, 0.1, 30, 2.5, found=True, other=0.02)
     assert str(found) == (
-        "found (with a lag a simple model is left with a loss of 0.01 over 30 windows, 0.1 without (+2.50 standard "
-        "errors), with a delay 0.02; `input_lag = 0.12`)"
+        "found (with `input_lag = 0.12` a simple model is left with a loss of 0.01 over 30 windows, 0.1 without "
+        "(+2.50 standard errors, with a delay 0.02))"
     )
     assert "Write `input_lag = 0.12` into the description" in found.advice
     assert not found.hardly
     none = found._replace(key="input_delay", seconds=(0.1, 0.0), gained=np.inf, found=False, other=None)
     assert str(none) == (
-        "none (with a delay a simple model is left with a loss of 0.01 over 30 windows, 0.1 without; "
-        "`input_delay = [0.1, 0]`)"
+        "none (with `input_delay = [0.1, 0]` a simple model is left with a loss of 0.01 over 30 windows, 0.1 without)"
     )
+
+
+@pytest.mark.parametrize(
+    ("losses", "wanted"),
+    [
+        ((2.0, 1.0, 2.0), 0.2),
+        ((np.inf, 1.0, 100.0), 0.2),
+        ((np.e, 1.0, np.e**3), 0.175),
+        ((1.0, 1.0, 1.0), 0.2),
+        ((0.0, 0.0, 0.0), 0.2),
+    ],
+)
+def test_the_lowest_point_of_a_parabola_survives_what_diverges(losses, wanted):
+    assert _late_inputs._lowest([0.1, 0.2, 0.3], list(losses)) == pytest.approx(wanted)

@@ -30,7 +30,9 @@ _LEAST: Final = 1 / 32  # Of a window: what is sooner over hardly shows in one.
 _LONGEST: Final = 1 / 2  # Of a window.
 _STEPS: Final = 12  # Of each fit.
 _NEAR: Final = 1.5  # Factor within which the best one is looked for.
-_CLOSER: Final = 3  # Fits, each where the parabola through three before is lowest.
+_CLOSER: Final = 3  # Fits, each where the parabola through three before is lowest,
+_CLOSE: Final = 0.02  # unless that is relatively so near to the best one before.
+_WORST: Final = 100.0  # Times the least loss: one that is larger, or infinite, tells a parabola no more.
 _LESS: Final = 0.7  # Share of the loss that is left: 0.01 to 0.5 where inputs are late, 0.9 and more where none are.
 _UNLIKE: Final = 0.8  # Share of that of one time for all inputs, which one for each of them must leave.
 
@@ -109,6 +111,8 @@ class LateInputs(AbstractStage):
         at_once = lagging(state.best, none)
         if len(at_once.losses) < LEAST_WINDOWS:
             return Skipped("too few windows to tell")
+        if not 0 < at_once.loss < np.inf:
+            return Skipped("its loss tells nothing")
         lag = self._followed(at_once, lagging)
         lateness = _told("input_lag", lag, at_once)
         if not lateness.found:
@@ -205,6 +209,8 @@ def _refined(about: _Late, refit: _Refit) -> _Late:
         if 0 < best < len(tried) - 1:
             near = tried[best - 1 : best + 2]
             seconds = _lowest([each.seconds[0] for each in near], [each.loss for each in near])
+            if abs(seconds / tried[best].seconds[0] - 1) < _CLOSE:
+                break
         else:
             seconds = tried[best].seconds[0] * (_NEAR if best else 1 / _NEAR)
         tried.append(refit(tried[best].model, (seconds,) * inputs))
@@ -231,8 +237,9 @@ def _each_apart(same: _Late, refit: _Refit) -> _Late:
 
 def _lowest(seconds: list[float], losses: list[float]) -> float:
     """Where the parabola through the logarithms of three losses is lowest, the second of which is the least."""
-    curve = np.polyfit(seconds, np.log(losses), 2)
-    return float(np.clip(-curve[1] / (2 * curve[0]), seconds[0], seconds[-1]))
+    logs = np.log(np.fmax(np.finfo(float).tiny, np.fmin(losses, _WORST * losses[1])))
+    bend, slope, _ = np.polyfit(np.subtract(seconds, seconds[1]), logs, 2)
+    return seconds[1] - slope / (2 * bend) if bend > 0 else seconds[1]
 
 
 def _told(key: Key, late: _Late, at_once: _Late) -> Lateness:

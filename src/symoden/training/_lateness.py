@@ -38,15 +38,16 @@ class Lateness(NamedTuple):
 
     def __str__(self) -> str:
         """In words."""
-        return f"{'found' if self.found else 'none'} ({self._size})"
+        return f"{'found' if self.found else 'none'} (with `{self._setting}` {self._size})"
 
     @property
     def advice(self) -> str:
         """What to say where they act late."""
         return (
-            f"the inputs seem to act late, as through motors, propellers, valves or networks: {self._size}. Write "
-            f"`{self._setting}` into the description (added to what it has), and train again: recordings held out of "
-            "training tell whether it is better."
+            "the inputs seem to act late, as through motors, propellers, valves or networks: with a "
+            f"{'lag' if self.key == 'input_lag' else 'delay'} {self._size}. Write `{self._setting}` into the "
+            "description (added to what it has), and train again: recordings held out of training tell whether it is "
+            "better."
         )
 
     @property
@@ -57,12 +58,13 @@ class Lateness(NamedTuple):
     @property
     def _size(self) -> str:
         """How much it leaves, in words."""
-        gained = "" if math.isinf(self.gained) else f" ({self.gained:+.2f} standard errors)"
-        kind, other = ("lag", "delay") if self.key == "input_lag" else ("delay", "lag")
-        rest = "" if self.other is None else f", with a {other} {self.other:.2g}"
+        other = "delay" if self.key == "input_lag" else "lag"
+        notes = [] if math.isinf(self.gained) else [f"{self.gained:+.2f} standard errors"]
+        notes += [] if self.other is None else [f"with a {other} {self.other:.2g}"]
+        aside = f" ({', '.join(notes)})" if notes else ""
         return (
-            f"with a {kind} a simple model is left with a loss of {self.loss:.2g} over {self.windows} windows, "
-            f"{self.before:.2g} without{gained}{rest}; `{self._setting}`"
+            f"a simple model is left with a loss of {self.loss:.2g} over {self.windows} windows, {self.before:.2g} "
+            f"without{aside}"
         )
 
 
