@@ -28,17 +28,16 @@ KNOWN = KnownParts(
     parameters={"k": 3.0, "b": 2.0},
 )
 FINE = 40
-CONFIG = TrainingConfig(seed=0)
 
 
-def swing(*, lag=0.0, delay=0.0, noise=1e-4, seed=0):
+def swing(*, lag=0.0, delay=0.0, noise=1e-4, push=3.0, start=0.0, seed=0):
     """A pendulum with damping whose motor follows its steps late, seen at 25 Hz."""
     generator = np.random.default_rng(seed)
-    us = np.repeat(generator.uniform(-3.0, 3.0, 20), 20)
+    us = np.repeat(push * generator.uniform(-1.0, 1.0, 20), 20)
     told = np.repeat(us, FINE)
     late = round(delay / 0.04 * FINE)
     acting = np.concatenate([np.full(late, us[0]), told])[: len(told)]
-    fine, states, x = 0.04 / FINE, [(0.0, 0.0)], us[0]
+    fine, states, x = 0.04 / FINE, [(start, 0.0)], us[0]
     for u in acting:
         q, v = states[-1]
         x = u if lag == 0 else u + (x - u) * np.exp(-fine / lag)
@@ -50,7 +49,7 @@ def swing(*, lag=0.0, delay=0.0, noise=1e-4, seed=0):
     return Trajectory(name="swing", ts=ts, q=seen[:, None], rates=v[:, None], us=us[:, None])
 
 
-def asked(recording, **settings):
+def asked(*recordings):
     """What is found of late inputs, and what is warned of."""
     said = []
 
@@ -59,10 +58,10 @@ def asked(recording, **settings):
             said.append(progress.verdict)
             raise StopIteration
 
-    dataset = Dataset(name="late", space="T1", train=(recording,), known=KNOWN)
+    dataset = Dataset(name="late", space="T1", train=recordings, known=KNOWN)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        fit(dataset, config=dataclasses.replace(CONFIG, **settings), progress=until_told)
+        fit(dataset, config=TrainingConfig(seed=0), progress=until_told)
     return *said, [str(each.message) for each in caught if "inputs seem to act late" in str(each.message)]
 
 
@@ -101,18 +100,62 @@ def test_a_lag_that_is_told_already_is_not_found_again():
     assert said == []
 
 
-def test_the_model_stays_as_it_is(stage, pendulum, quick):
-    levenberg, state = stage
+def test_of_recordings_without_inputs_windows_stay_where_they_were():
+    """A free swing beside driven ones, of so many rows that a further one would be a further window."""
+    free = swing(push=0.0, start=1.0).cut(0, 100, name="free")
+    verdict, (warning,) = asked(swing(lag=0.15), free)
+    assert seconds_in(verdict, "input_lag") == pytest.approx(0.15, rel=0.15)
+    assert "Write `input_lag = " in warning
+
+
+def test_training_goes_on_as_if_nothing_was_asked(stage, pendulum, quick):
+    levenberg, before = stage
     dataset = pendulum(count=8)
-    late = LateInputs(dataset, dataclasses.replace(levenberg, data=levenberg_data(dataset, state.best, quick)))
-    begun = late.start(state._replace(origin=3, best_loss=0.5))
-    after, report = late.advance(begun)
+    late = LateInputs(dataset, dataclasses.replace(levenberg, data=levenberg_data(dataset, before.best, quick)))
+    state = levenberg.start(before)._replace(origin=3, best_loss=0.5, step=7)
+    after, report = late.advance(late.start(state))
     assert report.finished
-    assert isinstance(report.verdict, Lateness | Skipped)
-    assert eqx.tree_equal(after._replace(step=0), begun)
-    assert after.origin == 3
+    assert not report.outcome
+    assert eqx.tree_equal(after._replace(step=7), state)
+    resumed = late.start(before)  # Which a checkpoint's arrays are put into.
+    assert eqx.tree_equal(jax.tree.structure(resumed), jax.tree.structure(state))
     with pytest.raises(OutOfTime):
-        late.advance(begun, is_over=lambda: True)
+        late.advance(late.start(state), is_over=lambda: True)
+    few = LateInputs(
+        dataset,
+        dataclasses.replace(
+            levenberg, data=late.levenberg.data._replace(train=late.levenberg.data.train.take(slice(0, 4)))
+        ),
+    )
+    assert isinstance(few.advance(state)[1].verdict, Skipped)
+
+
+def fake_refit(truth):
+    """Losses that are least at these times, equal factors being as wrong."""
+
+    def refit(model, seconds):
+        off = [np.log((each + 1e-3) / (true + 1e-3)) for each, true in zip(seconds, truth, strict=True)]
+        return _late_inputs._Late(tuple(seconds), model, np.full(8, 0.01 + np.sum(np.square(off))))
+
+    return refit
+
+
+@pytest.mark.parametrize("truth", [(0.03, 0.25), (0.1, 0.0), (0.0, 0.1), (0.1, 0.12)])
+def test_inputs_have_times_of_their_own_where_that_leaves_much_less(truth, small):
+    model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
+    refit = fake_refit(truth)
+    same = _late_inputs._refined(refit(model, (0.1, 0.1)), refit)
+    assert same.seconds[0] == same.seconds[1]
+    apart = _late_inputs._each_apart(same, refit, (0, 1))
+    np.testing.assert_allclose(apart.seconds, truth, rtol=0.2, atol=1e-12)
+    assert _late_inputs._each_apart(same, refit, (1,)) is same
+
+
+def test_nearly_the_same_times_are_told_as_one(small):
+    model = build(small, Space.parse("T1"), 1, key=jax.random.key(0))
+    refit = fake_refit((0.1, 0.105))
+    same = _late_inputs._refined(refit(model, (0.1, 0.1)), refit)
+    assert _late_inputs._each_apart(same, refit, (0, 1)) is same
 
 
 def test_it_is_asked_only_where_inputs_can_tell(pendulum, small, quick):
@@ -136,18 +179,21 @@ def test_windows_stay_where_they_were(key, hold):
     acting = _late_inputs._acting(recording, key, (0.1,), hold)
     for name in ("ts", "q", "rates"):
         np.testing.assert_array_equal(getattr(acting, name), getattr(recording, name))
-    one = dataclasses.replace(recording, us=np.full_like(recording.us, 2.0))
-    np.testing.assert_allclose(_late_inputs._acting(one, key, (0.1,), hold).us, 2.0, rtol=1e-12)
+    for value in (2.0, 0.0):
+        one = dataclasses.replace(recording, us=np.full_like(recording.us, value))
+        np.testing.assert_allclose(_late_inputs._acting(one, key, (0.1,), hold).us, one.us, rtol=1e-12)
+    both = dataclasses.replace(recording, us=np.hstack([np.zeros_like(recording.us), recording.us]))
+    np.testing.assert_allclose(_late_inputs._acting(both, key, (0.1, 0.0), hold).us, both.us, rtol=1e-12)
     # Once what acted before no longer matters, it is what the description's keys make of it.
     late = {"input_lag": lag_inputs, "input_delay": delay_inputs}[key](recording, [0.1], hold=hold)
     np.testing.assert_allclose(acting.us[-200:], late.us[-200:], rtol=0, atol=1e-6)
 
 
 def test_words_say_what_is_left():
-    found = Lateness("input_lag", (0.123, 0.123), 0.01, 0.1, 30, 2.5, found=True, other=0.02)
+    found = Lateness("input_lag", (0.123, 0.123), 0.01, 0.1, 30, 2.5, found=True, other=(0.08, 0.02))
     assert str(found) == (
         "found (with `input_lag = 0.12` a simple model is left with a loss of 0.01 over 30 windows, 0.1 without "
-        "(+2.50 standard errors, with a delay 0.02))"
+        "(+2.50 standard errors, with a delay of 0.08 s 0.02))"
     )
     assert "Write `input_lag = 0.12` into the description" in found.advice
     assert not found.hardly

@@ -133,8 +133,8 @@ def _left_out(text: str) -> tuple[tuple[Span, ...], int]:
 
 def _findings(text: str) -> Findings:
     """What the stages have come to, as it was written."""
-    outcome, verdicts, hardly = json.loads(text)
-    return Findings(outcome, dict(verdicts), tuple(hardly))
+    outcome, verdicts, hardly, advice = json.loads(text)
+    return Findings(outcome, dict(verdicts), tuple(hardly), str(advice))
 
 
 def _parsed(path: Path, plain: dict, kinds: dict[str, Callable]) -> dict:

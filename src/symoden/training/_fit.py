@@ -189,6 +189,8 @@ def fit(
                 outcome = watch.outcome(["members"])
             elif len(ensemble.members) < members:
                 outcome = f"{len(ensemble.members)} of {ensemble.tried} members fitted as well as the model"
+    if findings.advice:
+        warnings.warn(f"`{dataset.name}`: {findings.advice}", DataWarning, stacklevel=2)
     return FitResult(
         model=best,
         outcome=outcome,

@@ -2,8 +2,7 @@
 
 import dataclasses
 import functools
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple, TypeAlias, final
 
@@ -11,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from symoden.blocks import FRICTION, kinds_in_use
-from symoden.data import Dataset, DataWarning, Trajectory
+from symoden.blocks import kinds_in_use
+from symoden.data import Dataset, Trajectory
 from symoden.data.signals import delay_inputs, lag_inputs, settling
 from symoden.mechanics import AbstractDynamics
 
@@ -22,6 +21,7 @@ from ._lateness import Key, Lateness
 from ._left_out import Contender
 from ._level import LEAST_WINDOWS
 from ._levenberg_stage import LevenbergStage
+from ._relevance import Relevance
 from ._stages import EXPLAINED, AbstractStage, Clock, never
 from ._state import Report, TrainingState
 from ._verdicts import CLEAR, Skipped, standard_errors, window_losses
@@ -35,6 +35,7 @@ _CLOSE: Final = 0.02  # unless that is relatively so near to the best one before
 _WORST: Final = 100.0  # Times the least loss: one that is larger, or infinite, tells a parabola no more.
 _LESS: Final = 0.7  # Share of the loss that is left: 0.01 to 0.5 where inputs are late, 0.9 and more where none are.
 _UNLIKE: Final = 0.8  # Share of that of one time for all inputs, which one for each of them must leave.
+_ROUNDS: Final = 2  # Of looking for the time of each input.
 
 
 class _Late(NamedTuple):
@@ -73,12 +74,14 @@ class LateInputs(AbstractStage):
     Attributes:
         dataset: Recordings, with their validation part.
         levenberg: A stage like the one that found the model.
+        laws: Friction's laws, as flags, if they can be set free.
         name: What reports call it.
         steps: One stride, which asks now and then whether the time is over.
     """
 
     dataset: Dataset
     levenberg: LevenbergStage
+    laws: int = 0
     name: str = "late inputs"
     steps: int = 1
 
@@ -87,44 +90,50 @@ class LateInputs(AbstractStage):
         return bool(EXPLAINED <= state.best_loss < np.inf)
 
     def start(self, state: TrainingState) -> TrainingState:
-        """Begin from the best model so far, errors counting as they did for that."""
-        begun = self.levenberg.start(state)
-        best = cast(begun.best, jnp.float64)
-        return begun._replace(best=best, model=best, origin=state.origin)
+        """The state of the stage before; where there was none, one of the same structure."""
+        return state._replace(step=0) if isinstance(state.memory, Relevance) else self.levenberg.start(state)
 
     def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
-        """Ask, and warn where inputs are late."""
-        verdict = self._asked(state, is_over)
-        if isinstance(verdict, Lateness) and verdict.found:
-            warnings.warn(f"`{self.dataset.name}`: {verdict.advice}", DataWarning, stacklevel=2)
-        return state._replace(step=1), Report(state.best_loss, None, finished=True, verdict=verdict)
+        """Ask."""
+        at_once = self._refitted(state, is_over, "input_lag", cast(state.best, jnp.float64), self._none)
+        verdict = self._asked(at_once, functools.partial(self._refitted, state, is_over))
+        return state._replace(step=1), Report(at_once.loss, None, finished=True, verdict=verdict)
 
     def settled(self, state: TrainingState) -> tuple[TrainingState, None]:
         """As it is."""
         return state, None
 
-    def _asked(self, state: TrainingState, is_over: Clock) -> Lateness | Skipped:
+    @property
+    def _none(self) -> tuple[float, ...]:
+        """Inputs that act at once."""
+        return (0.0,) * self.dataset.inputs
+
+    def _asked(self, at_once: _Late, refit: Callable[..., _Late]) -> Lateness | Skipped:
         """What lags and delays would leave of the errors."""
-        refit = functools.partial(self._refitted, state, is_over)
-        none = (0.0,) * self.dataset.inputs
-        lagging, delayed = (functools.partial(refit, key) for key in ("input_lag", "input_delay"))
-        at_once = lagging(state.best, none)
         if len(at_once.losses) < LEAST_WINDOWS:
             return Skipped("too few windows to tell")
         if not 0 < at_once.loss < np.inf:
             return Skipped("its loss tells nothing")
+        lagging, delayed = (functools.partial(refit, key) for key in ("input_lag", "input_delay"))
         lag = self._followed(at_once, lagging)
-        lateness = _told("input_lag", lag, at_once)
-        if not lateness.found:
+        if not (lateness := _told("input_lag", lag, at_once)).found:
             return lateness
         delay = self._followed(at_once, delayed)
         # Dry friction, too, makes a simple model late, and blurs which of both it is.
-        lagging, delayed = (functools.partial(each, freed=FRICTION) for each in (lagging, delayed))
-        at_once = lagging(at_once.model, none)
+        lagging, delayed = (functools.partial(each, freed=self.laws) for each in (lagging, delayed))
         lag, delay = _refined(lag, lagging), _refined(delay, delayed)
+        starts = at_once.model, min(lag, delay, key=_loss).model  # More steps alone are no gain.
+        at_once = min((lagging(each, self._none) for each in starts), key=_loss)
         if lag.loss <= delay.loss:
-            return _told("input_lag", _each_apart(lag, lagging), at_once)._replace(other=delay.loss)
-        return _told("input_delay", _each_apart(delay, delayed), at_once)._replace(other=lag.loss)
+            found, other = _told("input_lag", _each_apart(lag, lagging, self._varying), at_once), delay
+        else:
+            found, other = _told("input_delay", _each_apart(delay, delayed, self._varying), at_once), lag
+        return found._replace(other=(other.seconds[0], other.loss))
+
+    @property
+    def _varying(self) -> list[int]:
+        """Inputs that change: nothing tells when others act."""
+        return [i for i in range(self.dataset.inputs) if any(np.ptp(each.us[:, i]) > 0 for each in self.dataset.train)]
 
     def _followed(self, at_once: _Late, refit: _Refit) -> _Late:
         """The time that leaves least, the same for all inputs, each twice as long as the one before."""
@@ -184,8 +193,8 @@ def _acting(recording: Trajectory, key: Key, seconds: tuple[float, ...], hold: L
         rates=_with_first_twice(recording.rates),
         us=_with_first_twice(recording.us),
     )
-    late = {"input_lag": lag_inputs, "input_delay": delay_inputs}[key]
-    return late(longer, seconds, hold=hold)
+    late = {"input_lag": lag_inputs, "input_delay": delay_inputs}[key](longer, seconds, hold=hold)
+    return dataclasses.replace(recording, us=late.us[-len(recording) :])  # Of inputs that are zero nothing is cut.
 
 
 def _with_first_twice(rows: np.ndarray) -> np.ndarray:
@@ -193,8 +202,13 @@ def _with_first_twice(rows: np.ndarray) -> np.ndarray:
     return np.concatenate([rows[:1], rows])
 
 
-def _refined(about: _Late, refit: _Refit) -> _Late:
-    """The time that leaves least near one that is right to a factor of two, the same for all inputs.
+def _refined(about: _Late, refit: _Refit, which: Sequence[int] = ()) -> _Late:
+    """The time that leaves least, from one that is right to a factor of two.
+
+    Args:
+        about: What that leaves.
+        refit: Fits a model again.
+        which: Inputs whose times are looked for; all, if none are given. They have the same.
 
     Returns:
         What it leaves.
@@ -202,37 +216,46 @@ def _refined(about: _Late, refit: _Refit) -> _Late:
     References:
         Brent (1973), *Algorithms for minimization without derivatives*, chapter 5: successive parabolic interpolation.
     """
-    inputs, seconds = len(about.seconds), about.seconds[0]
-    tried = [refit(about.model, (seconds * factor,) * inputs) for factor in (1 / _NEAR, 1.0, _NEAR)]
+    which = which or range(len(about.seconds))
+
+    def at(seconds: float, model: AbstractDynamics) -> _Late:
+        return refit(model, tuple(seconds if i in which else each for i, each in enumerate(about.seconds)))
+
+    def of(late: _Late) -> float:
+        return late.seconds[which[0]]
+
+    tried = [at(of(about) * factor, about.model) for factor in (1 / _NEAR, 1.0, _NEAR)]
     for _ in range(_CLOSER):
         best = min(range(len(tried)), key=lambda k: tried[k].loss)
         if 0 < best < len(tried) - 1:
             near = tried[best - 1 : best + 2]
-            seconds = _lowest([each.seconds[0] for each in near], [each.loss for each in near])
-            if abs(seconds / tried[best].seconds[0] - 1) < _CLOSE:
+            seconds = _lowest([of(each) for each in near], [each.loss for each in near])
+            if abs(seconds / of(tried[best]) - 1) < _CLOSE:
                 break
         else:
-            seconds = tried[best].seconds[0] * (_NEAR if best else 1 / _NEAR)
-        tried.append(refit(tried[best].model, (seconds,) * inputs))
-        tried.sort(key=lambda each: each.seconds)
-    return min(tried, key=lambda each: each.loss)
+            seconds = of(tried[best]) * (_NEAR if best else 1 / _NEAR)
+        tried.append(at(seconds, tried[best].model))
+        tried.sort(key=of)
+    return min(tried, key=_loss)
 
 
-def _each_apart(same: _Late, refit: _Refit) -> _Late:
-    """The time of each input, where that leaves much less than the same for all."""
+def _each_apart(same: _Late, refit: _Refit, which: Sequence[int]) -> _Late:
+    """The time of each input in turn, where that leaves much less than the same for all."""
     best = same
-    for i in range(len(same.seconds) if len(same.seconds) > 1 else 0):
-
-        def at(seconds: float, best: _Late = best, i: int = i) -> _Late:
-            return refit(best.model, (*best.seconds[:i], seconds, *best.seconds[i + 1 :]))
-
-        now = best.seconds[i]
-        tried = [at(0.0), best, at(2 * now)]
-        losses = [each.loss for each in tried]
-        if losses[1] < min(losses[0], losses[2]):
-            tried.append(at(_lowest([0.0, now, 2 * now], losses)))
-        best = min(tried, key=lambda each: each.loss)
+    for _ in range(_ROUNDS if len(which) > 1 else 0):
+        before = best
+        for i in which:
+            if best.seconds[i]:
+                none = refit(best.model, tuple(0.0 if k == i else each for k, each in enumerate(best.seconds)))
+                best = min(none, _refined(best, refit, (i,)), best, key=_loss)
+        if best.loss > _UNLIKE * before.loss:
+            break
     return best if best.loss < _UNLIKE * same.loss else same
+
+
+def _loss(late: _Late) -> float:
+    """What is left."""
+    return late.loss
 
 
 def _lowest(seconds: list[float], losses: list[float]) -> float:

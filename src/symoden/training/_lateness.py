@@ -19,7 +19,7 @@ class Lateness(NamedTuple):
         windows: Number of windows that tell.
         gained: By how many standard errors it is better.
         found: Whether it is clear.
-        other: What the other key would leave at best, if that was asked.
+        other: Time of the other key [s] and what that leaves, if it was asked.
     """
 
     key: Key
@@ -29,7 +29,7 @@ class Lateness(NamedTuple):
     windows: int
     gained: float
     found: bool
-    other: float | None = None
+    other: tuple[float, float] | None = None
 
     @property
     def hardly(self) -> bool:
@@ -46,8 +46,8 @@ class Lateness(NamedTuple):
         return (
             "the inputs seem to act late, as through motors, propellers, valves or networks: with a "
             f"{'lag' if self.key == 'input_lag' else 'delay'} {self._size}. Write `{self._setting}` into the "
-            "description (added to what it has), and train again: recordings held out of training tell whether it is "
-            "better."
+            "description (longer by it, where it has one), and train again: recordings held out of training tell "
+            "whether it is better."
         )
 
     @property
@@ -60,7 +60,7 @@ class Lateness(NamedTuple):
         """How much it leaves, in words."""
         other = "delay" if self.key == "input_lag" else "lag"
         notes = [] if math.isinf(self.gained) else [f"{self.gained:+.2f} standard errors"]
-        notes += [] if self.other is None else [f"with a {other} {self.other:.2g}"]
+        notes += [] if self.other is None else ["with a {} of {:.2g} s {:.2g}".format(other, *self.other)]
         aside = f" ({', '.join(notes)})" if notes else ""
         return (
             f"a simple model is left with a loss of {self.loss:.2g} over {self.windows} windows, {self.before:.2g} "

@@ -94,7 +94,8 @@ def line_up(
             )
             if config.growth_steps and config.scaled_loss and dynamics.space.size <= _MANY and varies(dataset):
                 refits = LevenbergStage(data, config, "late inputs", config.lm_steps, widens=not first)
-                stages.append(LateInputs(dataset, refits))
+                laws = _laws(dynamics, config)
+                stages.append(LateInputs(dataset, refits, laws if _fits(dynamics, laws) else 0))
         longer = longer_data(dataset, dynamics, data, config)
         stages.extend(_further(dynamics, data, longer, config, answered=first and energies_are_given(dynamics)))
         longest = [data, *longer][-1]._replace(in_turn=False)  # Thousands of numbers keep what they were taught.

@@ -87,11 +87,13 @@ class Findings(NamedTuple):
         outcome: Why the last one ended that took a step, in words.
         verdicts: For every stage that had to gain something whether it is kept, and by what, in words.
         hardly_judged: Those of them that so few windows refused that these hardly tell.
+        advice: What to say to the user of late inputs; empty where there are none.
     """
 
     outcome: str
     verdicts: dict[str, str]
     hardly_judged: tuple[str, ...]
+    advice: str = ""
 
     @classmethod
     def none(cls) -> "Findings":
@@ -111,4 +113,5 @@ class Findings(NamedTuple):
         if verdict is None:
             return self
         hardly = (*self.hardly_judged, stage) if verdict.hardly else self.hardly_judged
-        return self._replace(verdicts=self.verdicts | {stage: str(verdict)}, hardly_judged=hardly)
+        advice = verdict.advice if isinstance(verdict, Lateness) and verdict.found else self.advice
+        return self._replace(verdicts=self.verdicts | {stage: str(verdict)}, hardly_judged=hardly, advice=advice)
