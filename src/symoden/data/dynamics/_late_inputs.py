@@ -90,7 +90,8 @@ def _finding(dataset: Dataset, delays: Sequence[float], change: float, *, now: f
     sooner = "sooner than `input_delay` says" if any(delays) else "before their rows"
     when = f"{abs(change):.4g} s {'late' if change > 0 else sooner}"
     why = (
-        ": by drives, networks or slow actuators (which an `input_lag` may suit; of up to three coordinates `train` says which). "
+        ": by drives, networks or slow actuators (which an `input_lag` may suit; of up to three coordinates `train` "
+        "says which). "
         if change > 0
         else ". "
     )
