@@ -149,9 +149,14 @@ def prepared(pendulum):
         return prepare(data, MODEL, config), config
 
 
+def samples_of(stages):
+    """Samples in windows of the stages that fit any."""
+    return {k: each.data.train.ts.shape[1] for k, each in enumerate(stages) if isinstance(each, LevenbergStage)}
+
+
 def test_members_begin_with_the_windows_of_all_stages_before_theirs(prepared):
     (stages, state, fresh, _), config = prepared
-    lengths = {k: each.data.train.ts.shape[1] for k, each in enumerate(stages) if not each.regresses}
+    lengths = {k: samples for k, samples in samples_of(stages).items() if not stages[k].regresses}
     assert len(set(lengths.values())) == 3
     for origin, length in lengths.items():
         pattern = _fit._pattern(stages, state._replace(origin=origin), fresh, config)
@@ -170,7 +175,8 @@ def test_a_member_is_fitted_to_short_windows_before_its_own(prepared, monkeypatc
 
     monkeypatch.setattr(LevenbergStage, "step", step)
     with jax.enable_x64(True):
-        last = max(range(len(stages)), key=lambda k: stages[k].data.train.ts.shape[1])
+        lengths = samples_of(stages)
+        last = max(lengths, key=lambda k: lengths[k])
         state = stages[last].start(state)._replace(origin=last, stage=len(stages))
         pattern = _fit._pattern(stages, state, fresh, config)._replace(first=())
         train_members(pattern, 2, path=None, resume=False, watch=Stopwatch(None, ignore))

@@ -8,7 +8,7 @@ import pytest
 
 from symoden import KnownParts, Trajectory, fit
 from symoden.blocks import FRICTION
-from symoden.data import Dataset
+from symoden.data import Dataset, DataWarning
 from symoden.training import TrainingConfig, _data, _levenberg_stage
 from symoden.training._beginnings import Again
 from symoden.training._flatten import cast
@@ -92,7 +92,8 @@ def test_what_a_model_lacks_is_not_taken_for_noise():
         parameters={"k": 3.0, "b": 2.0},
     )
     dataset = Dataset(name="late", space="T1", train=(late_pendulum(0.12),), known=known)
-    result = fit(dataset, config=TrainingConfig(seed=0))
+    with pytest.warns(DataWarning, match=r"inputs seem to act late.* with a lag"):
+        result = fit(dataset, config=TrainingConfig(seed=0))
     assert result.verdicts["whitened errors"].startswith("not kept")
 
 
