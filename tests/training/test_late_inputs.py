@@ -70,21 +70,16 @@ def seconds_in(words, key):
     return float(words.split(f"`{key} = ")[1].split("`")[0])
 
 
-@pytest.mark.parametrize("lag", [0.06, 0.15])
-def test_a_lag_is_found(lag):
-    verdict, (warning,) = asked(swing(lag=lag))
+@pytest.mark.parametrize(
+    ("late", "seconds", "other"),
+    [("lag", 0.06, "delay"), ("lag", 0.15, "delay"), ("delay", 0.06, "lag"), ("delay", 0.12, "lag")],
+)
+def test_lags_and_delays_are_found_and_told_from_each_other(late, seconds, other):
+    verdict, (warning,) = asked(swing(**{late: seconds}))
     assert verdict.startswith("found")
-    assert seconds_in(verdict, "input_lag") == pytest.approx(lag, rel=0.15)
-    assert "Write `input_lag = " in warning
-    assert "with a delay " in warning
-
-
-@pytest.mark.parametrize("delay", [0.06, 0.12])
-def test_a_delay_is_found_and_told_from_a_lag(delay):
-    verdict, (warning,) = asked(swing(delay=delay))
-    assert verdict.startswith("found")
-    assert seconds_in(verdict, "input_delay") == pytest.approx(delay, rel=0.15)
-    assert "with a lag " in warning
+    assert seconds_in(verdict, f"input_{late}") == pytest.approx(seconds, rel=0.15)
+    assert f"Write `input_{late} = " in warning
+    assert f"with a {other} " in warning
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple, TypeAlias, final
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -16,7 +15,6 @@ from symoden.data.signals import delay_inputs, lag_inputs, settling
 from symoden.mechanics import AbstractDynamics
 
 from ._data import levenberg_data
-from ._flatten import cast
 from ._lateness import Key, Lateness
 from ._left_out import Contender
 from ._level import LEAST_WINDOWS
@@ -73,7 +71,7 @@ class LateInputs(AbstractStage):
 
     Attributes:
         dataset: Recordings, with their validation part.
-        levenberg: A stage like the one that found the model.
+        levenberg: The stage that found the model.
         laws: Friction's laws, as flags, if they can be set free.
         name: What reports call it.
         steps: One stride, which asks now and then whether the time is over.
@@ -95,7 +93,7 @@ class LateInputs(AbstractStage):
 
     def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
         """Ask."""
-        at_once = self._refitted(state, is_over, "input_lag", cast(state.best, jnp.float64), self._none)
+        at_once = self._refitted(state, is_over, "input_lag", state.best, self._none)
         verdict = self._asked(at_once, functools.partial(self._refitted, state, is_over))
         return state._replace(step=1), Report(at_once.loss, None, finished=True, verdict=verdict)
 
@@ -124,16 +122,12 @@ class LateInputs(AbstractStage):
         lag, delay = _refined(lag, lagging), _refined(delay, delayed)
         starts = at_once.model, min(lag, delay, key=_loss).model  # More steps alone are no gain.
         at_once = min((lagging(each, self._none) for each in starts), key=_loss)
+        apart = varying(self.dataset)
         if lag.loss <= delay.loss:
-            found, other = _told("input_lag", _each_apart(lag, lagging, self._varying), at_once), delay
+            found, other = _told("input_lag", _each_apart(lag, lagging, apart), at_once), delay
         else:
-            found, other = _told("input_delay", _each_apart(delay, delayed, self._varying), at_once), lag
+            found, other = _told("input_delay", _each_apart(delay, delayed, apart), at_once), lag
         return found._replace(other=(other.seconds[0], other.loss))
-
-    @property
-    def _varying(self) -> list[int]:
-        """Inputs that change: nothing tells when others act."""
-        return [i for i in range(self.dataset.inputs) if any(np.ptp(each.us[:, i]) > 0 for each in self.dataset.train)]
 
     def _followed(self, at_once: _Late, refit: _Refit) -> _Late:
         """The time that leaves least, the same for all inputs, each twice as long as the one before."""
@@ -171,35 +165,31 @@ class LateInputs(AbstractStage):
         return _Late(seconds, fitted, window_losses(fitted, objective, data.train))
 
 
-def varies(dataset: Dataset) -> bool:
-    """Whether inputs change while something is recorded: else nothing tells when they act.
+def varying(dataset: Dataset) -> list[int]:
+    """Inputs that change while something is recorded: nothing tells when others act.
 
     Args:
         dataset: Recordings.
 
     Returns:
-        Whether they do.
+        Their indices.
     """
-    return any(np.ptp(each.us, axis=0).any() for each in dataset.train)
+    return [i for i in range(dataset.inputs) if any(np.ptp(each.us[:, i]) > 0 for each in dataset.train)]
 
 
 def _acting(recording: Trajectory, key: Key, seconds: tuple[float, ...], hold: Literal["zero", "linear"]) -> Trajectory:
     """The recording of what acts, as if its first inputs had acted for long before: windows stay where they were."""
     before = 1.01 * (settling(seconds) if key == "input_lag" else max(seconds))
+    first_twice = np.maximum(np.arange(-1, len(recording)), 0)
     longer = dataclasses.replace(
         recording,
         ts=np.append(recording.ts[0] - before, recording.ts),
-        q=_with_first_twice(recording.q),
-        rates=_with_first_twice(recording.rates),
-        us=_with_first_twice(recording.us),
+        q=recording.q[first_twice],
+        rates=recording.rates[first_twice],
+        us=recording.us[first_twice],
     )
     late = {"input_lag": lag_inputs, "input_delay": delay_inputs}[key](longer, seconds, hold=hold)
     return dataclasses.replace(recording, us=late.us[-len(recording) :])  # Of inputs that are zero nothing is cut.
-
-
-def _with_first_twice(rows: np.ndarray) -> np.ndarray:
-    """Rows, the first one twice."""
-    return np.concatenate([rows[:1], rows])
 
 
 def _refined(about: _Late, refit: _Refit, which: Sequence[int] = ()) -> _Late:

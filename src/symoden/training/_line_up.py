@@ -25,7 +25,7 @@ from ._data import (
     regression_data,
 )
 from ._gauss_newton import MOST_PARAMETERS
-from ._late_inputs import LateInputs, varies
+from ._late_inputs import LateInputs, varying
 from ._levenberg_stage import LevenbergStage
 from ._stages import AbstractStage
 from ._verdicts import CHANCE, CLEAR
@@ -87,15 +87,13 @@ def line_up(
         name_thinned(dataset, data, config)
         if free:
             guess = dynamics if weak is not None and not candidates else None
-            stages.append(
-                LevenbergStage(
-                    data, config, "levenberg-marquardt", config.lm_steps, begins=Best(guess), widens=not first
-                )
+            simple = LevenbergStage(
+                data, config, "levenberg-marquardt", config.lm_steps, begins=Best(guess), widens=not first
             )
-            if config.growth_steps and config.scaled_loss and dynamics.space.size <= _MANY and varies(dataset):
-                refits = LevenbergStage(data, config, "late inputs", config.lm_steps, widens=not first)
+            stages.append(simple)
+            if config.growth_steps and config.scaled_loss and dynamics.space.size <= _MANY and varying(dataset):
                 laws = _laws(dynamics, config)
-                stages.append(LateInputs(dataset, refits, laws if _fits(dynamics, laws) else 0))
+                stages.append(LateInputs(dataset, simple, laws if _fits(dynamics, laws) else 0))
         longer = longer_data(dataset, dynamics, data, config)
         stages.extend(_further(dynamics, data, longer, config, answered=first and energies_are_given(dynamics)))
         longest = [data, *longer][-1]._replace(in_turn=False)  # Thousands of numbers keep what they were taught.
