@@ -58,6 +58,7 @@ REFUSED = {
     "symoden.design('arm.safetensors', [0.0])": "TypeError | `model` must be a system or a learned model; got str.",
     "symoden.design(arm, 3.14)": "ValueError | `target` must be a list of one number for each",
     "symoden.infer_bands(arm, data)": "TypeError | Bands are made of what `fit` found and of its data set; got P",
+    "symoden.control.Loop(lag=0.1)": "ValueError | Lags must be a tuple of seconds, such as (0.1,); got 0.1.",
     "bands.predict(swing)": "TypeError | `trajectories` must be a list of recordings; got Trajectory. Write [",
     "symoden.load('.')": "StorageError | `.` must be a file that symoden wrote; it is a folder. Name the file in it",
     "symoden.KnownParts(potential_energy='q1', cyclic='q2')": "ValueError | `cyclic` must be a list of names; got the",

@@ -149,6 +149,23 @@ def test_ida_pbc_tells_what_remains_unmatched(near_cart_pole, capsys):
 
 
 @pytest.mark.parametrize(
+    ("words", "late"),
+    [
+        ((), ", 30 ms late, with a lag of 50 ms"),
+        (("--delay", "0"), ", with a lag of 50 ms"),
+        (("--lag", "0"), ", 30 ms late"),
+        (("--delay", "0.01", "--lag", "0.1"), ", 10 ms late, with a lag of 100 ms"),
+    ],
+)
+def test_inputs_act_as_late_as_the_data_set_says(near_pendulum, tmp_path, capsys, words, late):
+    config = read_run(near_pendulum)
+    write_run(tmp_path, dataclasses.replace(config, data=dataclasses.replace(config.data, delay=0.03, lag=(0.05,))))
+    (tmp_path / "model.safetensors").write_bytes((near_pendulum / "model.safetensors").read_bytes())
+    assert main(["control", str(tmp_path), *QUICK, *words]) == 0
+    assert f"inputs up to 15, every 20 ms{late}\n" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--method", "magic"], f"must be one of {', '.join(METHODS)}; got 'magic'"),
@@ -162,7 +179,11 @@ def test_ida_pbc_tells_what_remains_unmatched(near_cart_pole, capsys):
         (["--max-input", "-1"], "`--max-input` must be positive"),
         (["--max-input", "3", "--method", "energy-shaping"], "must exceed the static load"),
         (["--period", "0"], "`--period` must be positive"),
-        (["--delay", "-1"], "`--noise` and `--delay` must be at least 0"),
+        (["--delay", "-1"], "`--delay` must be at least 0; got -1"),
+        (["--noise", "nan"], "`--noise` must be at least 0; got nan"),
+        (["--lag", "0.1", "-1"], "`--lag` must be at least 0; got -1"),
+        (["--lag", "0.1", "0.2"], "A lag must be one number or one per input, 1; got 2"),
+        (["--lag", "100"], "must be at most as long as the episode, 15 s; got 0.0 and (100.0,)"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

@@ -1,12 +1,13 @@
 """The closed loop: sampled, delayed, noisy; and the filter before the controller."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from symoden.control import EnergyShaping, Loop, Observer, Regulator, judge, run_episodes
-from symoden.control._loop import close_loop
+from symoden.control import EnergyShaping, Loop, Observer, Regulator, close_loop, judge, run_episodes
 from symoden.integrate import RK4, rollout
 
 from .conftest import CART_POLE, PENDULUM
@@ -84,6 +85,7 @@ def test_a_measurement_that_fits_changes_nothing():
 
 
 def test_settings_out_of_range_are_refused():
+    words: dict[str, Any]
     for words in ({"period": 0.0}, {"duration": 0.001}, {"step": -1.0}, {"duration": float("nan")}):
         with pytest.raises(ValueError, match="must be positive, the duration at least one period"):
             Loop(**words)

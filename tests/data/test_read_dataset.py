@@ -234,3 +234,18 @@ def test_topics_are_named_without_what_all_of_them_begin_and_end_with(tmp_path, 
     )
     dataset = read_dataset(path)
     assert (*dataset.position_names, *dataset.input_names) == short
+
+
+@pytest.mark.parametrize(
+    ("keys", "delay", "lag"),
+    [
+        ("", 0.0, ()),
+        ("input_delay = 0.03\ninput_lag = 0.1\n", 0.03, (0.1,)),
+        ("input_delay = -0.01\ninput_lag = 0\n", 0.0, ()),  # Logged late: what acts is no later for that.
+        ("input_delay = 0.03\nposition_delay = [0, 0.02]\n", 0.05, ()),
+    ],
+)
+def test_how_late_a_machine_answers_is_kept_for_its_controllers(tmp_path, keys, delay, lag):
+    write_run(tmp_path / "a.csv", samples=200)
+    dataset = read_dataset(described(tmp_path, keys + HEAD.replace('velocities = ["vx", "vphi"]\n', "") + TRAIN))
+    assert (dataset.delay, dataset.lag) == (delay, lag)

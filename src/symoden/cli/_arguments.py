@@ -277,7 +277,9 @@ class Control:
         noise: Standard deviation of the noise on every measured coordinate and velocity; an extended Kalman filter on
             the model then stands before the controller.
         period: Control period [s].
-        delay: Time from a measurement to its input [s]; the filter then looks ahead.
+        delay: Time from a measurement to its input [s]; the filter then looks ahead. The run's data set tells it by
+            input_delay and position_delay.
+        lag: Time constant of the lag by which what acts follows every input, or each [s]; the filter then looks ahead.
         duration: Length of an episode [s].
         episodes: Number of episodes.
         seed: Seed of initial states and noise.
@@ -300,7 +302,10 @@ class Control:
     ] = ()
     noise: Annotated[float, arg(metavar="S")] = 0.0
     period: Annotated[float, arg(metavar="T")] = 0.005
-    delay: Annotated[float, arg(metavar="T")] = 0.0
+    delay: Annotated[float | None, arg(metavar="T", help_behavior_hint="(default: what the data set tells)")] = None
+    lag: Annotated[
+        tuple[float, ...], arg(metavar="T [T ...]", help_behavior_hint="(default: the data set's input_lag)")
+    ] = ()
     duration: Annotated[float, arg(metavar="T")] = 15.0
     episodes: Annotated[int, arg(metavar="N")] = 100
     seed: int = 0

@@ -41,8 +41,13 @@ def check_control(command: Control) -> None:
             "`--period` must be positive, and `--duration` at least one period; got "
             f"{command.period} and {command.duration} s."
         )
-    if not (0 <= command.noise < math.inf and 0 <= command.delay < math.inf):
-        raise ValueError(f"`--noise` and `--delay` must be at least 0; got {command.noise} and {command.delay}.")
+    for option, given in (
+        ("--noise", command.noise),
+        ("--delay", command.delay or 0.0),
+        *(("--lag", T) for T in command.lag),
+    ):
+        if not 0 <= given < math.inf:
+            raise ValueError(f"`{option}` must be at least 0; got {given}.")
     _check_out(command)
     _check_machine(command)
 

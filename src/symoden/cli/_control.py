@@ -48,16 +48,23 @@ def run(command: Control) -> None:
     Args:
         command: What to do, checked by `check_control`.
     """
+    config = read_run(command.run)
+    name_unfinished(config)
     settings = ControlConfig(
         method=cast("Method | None", command.method),
         max_input=command.max_input or None,
-        loop=Loop(duration=command.duration, period=command.period, noise=command.noise, delay=command.delay),
+        loop=Loop(
+            duration=command.duration,
+            period=command.period,
+            noise=command.noise,
+            delay=config.data.delay if command.delay is None else command.delay,
+            lag=command.lag or config.data.lag,
+        ),
         episodes=command.episodes,
         seed=command.seed,
     )
-    config = read_run(command.run)
-    name_unfinished(config)
     input_limits(settings.max_input, len(config.data.input_names))
+    settings.loop.lag_of(len(config.data.input_names))
     model, plants = read_model(command.run), ()
     if command.target or command.env == LEARNED:
         machine, plants = _learned(command, config, model)
@@ -176,7 +183,7 @@ def _print(
     """How it went, in words."""
     verdict, audit, loop = result.verdict, result.audit, settings.loop
     limits = ", ".join(number(limit) for limit in result.limits)
-    print(f"{result.method} on {result.tried_on}, inputs up to {limits}, every {1e3 * loop.period:g} ms")
+    print(f"{result.method} on {result.tried_on}, inputs up to {limits}, every {1e3 * loop.period:g} ms{_late(loop)}")
     print(f"episodes begin with {', '.join(_start_words(result, coordinates))}")
     rows = [
         ["successes", f"{int(verdict.success.sum())} of {len(verdict.success)}"],
@@ -203,6 +210,13 @@ def _print(
     if audit.share < 1:
         q, v = (", ".join(number(x) for x in part) for part in (audit.worst_q, audit.worst_v))
         print(f"the desired energy rises fastest at q = ({q}), v = ({v})")
+
+
+def _late(loop: Loop) -> str:
+    """How late inputs act, in words."""
+    delay = f", {1e3 * loop.delay:.3g} ms late" if loop.delay else ""
+    lag = ", ".join(f"{1e3 * each:.3g}" for each in loop.lag) if any(loop.lag) else ""
+    return delay + (f", with a lag of {lag} ms" if lag else "")
 
 
 def _start_words(result: ControlResult, coordinates: Sequence[tuple[str, str]]) -> Iterator[str]:
@@ -275,6 +289,7 @@ def _as_json(result: ControlResult, settings: ControlConfig, outside: float, com
         "noise": loop.noise,
         "period_s": loop.period,
         "delay_s": loop.delay,
+        "lag_s": list(loop.lag),
         "target": [None if math.isnan(place) else place for place in result.machine.target],
         "models": len(result.plants),
         "duration_s": loop.duration,

@@ -20,24 +20,25 @@ from ._design import (
     lowest as lowest,
     silent as silent,
 )
+from ._episodes import (
+    Episode as Episode,
+    close_loop as close_loop,
+    run_episodes as run_episodes,
+    run_in_turn as run_in_turn,
+)
 from ._files import load_controller as load_controller, save_controller as save_controller
 from ._follower import Follower as Follower
 from ._free import indifferent as indifferent
 from ._handover import Handover as Handover
 from ._ida_pbc import IdaPbc as IdaPbc, Matching as Matching
 from ._judge import Tolerance as Tolerance, Verdict as Verdict, judge as judge
+from ._lag import Lag as Lag
 from ._lagrangian import ControlledLagrangian as ControlledLagrangian
-from ._loop import (
-    MOST_PERIODS as MOST_PERIODS,
-    Episode as Episode,
-    Loop as Loop,
-    close_loop as close_loop,
-    run_episodes as run_episodes,
-    run_in_turn as run_in_turn,
-)
+from ._loop import MOST_PERIODS as MOST_PERIODS, Loop as Loop
 from ._motion import rates_of as rates_of
 from ._observer import Estimate as Estimate, Observer as Observer
 from ._plan import Motion as Motion, plan_motion as plan_motion
+from ._predictor import Memory as Memory, PredictorFeedback as PredictorFeedback
 from ._pumps import CollocatedPump as CollocatedPump, EnergyPump as EnergyPump
 from ._regulator import Regulator as Regulator, linearize as linearize
 from ._shaping import EnergyShaping as EnergyShaping
@@ -58,12 +59,15 @@ __all__ = [
     "Follower",
     "Handover",
     "IdaPbc",
+    "Lag",
     "Loop",
     "LyapunovAudit",
     "Matching",
+    "Memory",
     "Method",
     "Motion",
     "Observer",
+    "PredictorFeedback",
     "Reference",
     "Regulator",
     "Stuck",

@@ -11,11 +11,12 @@ from jaxtyping import Array, Float
 from symoden.mechanics import AbstractDynamics
 
 from ._controller import Limits, Target, as_array
+from ._episodes import run_episodes
 from ._follower import Follower
 from ._free import anchored, free_of
 from ._handover import Handover
 from ._judge import Tolerance
-from ._loop import Loop, run_episodes
+from ._loop import Loop
 from ._regulator import Regulator
 
 QUICK: Final = 0.01

@@ -14,7 +14,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates, Scalar, Velocities
 
 from ._controller import AbstractController
-from ._loop import Episode
+from ._episodes import Episode
 from ._motion import velocity_field
 
 _TOLERANCE: Final = 1e-6

@@ -15,13 +15,13 @@ from symoden.shapes import Coordinates, Scalar
 from ._attraction import attraction, by_stiffness, follower_level, simulated_period
 from ._causes import why_not_held
 from ._controller import AbstractController, Limits, Target, as_array, input_limits
+from ._episodes import run_episodes
 from ._follower import Follower
 from ._free import anchored, check_free, free_of, told, weightless
 from ._handover import Handover
 from ._ida_pbc import IdaPbc
 from ._judge import Tolerance
 from ._lagrangian import ControlledLagrangian
-from ._loop import run_episodes
 from ._plan import plan_motion
 from ._pumps import CollocatedPump, EnergyPump, actuated_coordinate, is_direct
 from ._regulator import Regulator

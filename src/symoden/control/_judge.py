@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from symoden.shapes import Coordinates
 from symoden.spaces import Space
 
-from ._loop import Episode
+from ._episodes import Episode
 
 _ROUNDING: Final = 1e-9
 

@@ -1,23 +1,15 @@
-"""Close the loop: sampled control with zero-order hold, measurement noise and delay on any dynamics."""
+"""How a controller is connected to its machine: sampled with zero-order hold, noise, delay and lag."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float, Key, PRNGKeyArray
+from jaxtyping import Array, Float
 
-from symoden.integrate import RK4
-from symoden.mechanics import AbstractDynamics
-from symoden.shapes import Coordinates, Inputs, State, Velocities
+from symoden.shapes import Inputs
 
-from ._controller import AbstractController
-from ._motion import rates_of, velocities_of
-from ._observer import Observer
+from ._lag import Lag
 
 MOST_PERIODS: Final = 10**7
 """Most control periods in which states are kept."""
@@ -35,6 +27,8 @@ class Loop:
         period: Control period [s]; the input is held in between.
         noise: Standard deviation of the Gaussian noise on every measured coordinate and velocity.
         delay: Time from a measurement to its input [s].
+        lag: Time constant of the first-order lag by which what acts follows each input [s], or one for all of them;
+            none if empty.
         step: Longest step of the plant's integration [s], within the control period.
     """
 
@@ -42,14 +36,15 @@ class Loop:
     period: float = 0.005
     noise: float = 0.0
     delay: float = 0.0
+    lag: tuple[float, ...] = ()
     step: float = _STEP
 
     def __post_init__(self) -> None:
         """Refuse what cannot be simulated.
 
         Raises:
-            ValueError: If a time is not positive, the episode is shorter than a period or has too many, noise or delay
-                is negative, or noise is huge.
+            ValueError: If a time is not positive, the episode is shorter than a period or has too many, noise, delay or
+                a lag is negative, noise is huge, lags are no tuple, or delay or a lag longer than the episode.
         """
         values = (self.duration, self.period, self.noise, self.delay, self.step)
         if not all(map(math.isfinite, values)) or min(self.period, self.step) <= 0 or self.duration < self.period:
@@ -65,164 +60,72 @@ class Loop:
             raise ValueError(
                 f"Noise must be between 0 and {_LOUDEST:g}, delay at least 0; got {self.noise} and {self.delay}."
             )
+        if not isinstance(self.lag, tuple):
+            raise ValueError(f"Lags must be a tuple of seconds, such as (0.1,); got {self.lag!r}.")
+        Lag(self.lag)
+        if max(self.delay, *self.lag, 0.0) > self.duration:
+            raise ValueError(
+                f"Delay and lags must be at most as long as the episode, {self.duration:g} s; got {self.delay} and "
+                f"{self.lag}."
+            )
 
     @property
     def samples(self) -> int:
         """Number of control periods."""
         return round(self.duration / self.period)
 
+    @property
+    def is_late(self) -> bool:
+        """Whether inputs act later than they are given."""
+        return self.delay > 0 or any(self.lag)
 
-class Episode(NamedTuple):
-    """What happened in one episode, or in each of a batch of them; the true state, not the measured one.
+    def lag_of(self, inputs: int) -> Lag:
+        """The lag of each input.
 
-    Attributes:
-        ts: Times of the samples [s].
-        q: Coordinates, at the start of each period.
-        v: Velocities there.
-        u: Inputs that the controller gave there; with a delay, they act later.
-    """
+        Args:
+            inputs: Number of inputs m.
 
-    ts: Float[Array, "*k T"]
-    q: Float[Array, "*k T n"]
-    v: Float[Array, "*k T n"]
-    u: Float[Array, "*k T m"]
+        Returns:
+            The lags.
 
+        Raises:
+            ValueError: If their number is wrong.
+        """
+        if len(self.lag) not in (0, 1, inputs):
+            raise ValueError(f"A lag must be one number or one per input, {inputs}; got {len(self.lag)}: {self.lag}.")
+        return Lag(self.lag if len(self.lag) == inputs else (self.lag or (0.0,)) * inputs)
 
-def close_loop(
-    plant: AbstractDynamics,
-    controller: AbstractController,
-    q0: Coordinates,
-    v0: Velocities,
-    loop: Loop,
-    *,
-    observer: Observer | None = None,
-    key: PRNGKeyArray,
-) -> Episode:
-    """Simulate one episode; where the plant diverges, the record holds NaN or infinities.
+    @property
+    def waiting(self) -> int:
+        """Number of inputs that were given and do not act yet, when the next one is."""
+        return math.ceil(self.delay / self.period - _ROUNDING)
 
-    Args:
-        plant: What is controlled: analytic system or model.
-        controller: What controls it.
-        q0: Coordinates at the start.
-        v0: Velocities at the start.
-        loop: How they are connected.
-        observer: What filters the measurements, and looks ahead over the delay; the controller sees them raw if absent.
-        key: Key of the noise.
+    @property
+    def early(self) -> float:
+        """For how long the oldest of them goes on acting in a period [s], before the next one does; 0 for all of it."""
+        first = self.period - (self.waiting * self.period - self.delay)
+        return first if self.waiting and first < (1 - _ROUNDING) * self.period else 0.0
 
-    Returns:
-        The record.
-    """
-    waiting = math.ceil(loop.delay / loop.period - _ROUNDING)
-    first = loop.period - (waiting * loop.period - loop.delay)  # For how long the oldest input still acts.
-    early = first if waiting and first < (1 - _ROUNDING) * loop.period else 0.0
-    noise_key, start_key = jax.random.split(key)
+    def parts(self, given: Float[Array, "w m"]) -> Iterator[tuple[Inputs, float]]:
+        """What a period has of the inputs that were given, before any lag.
 
-    def advance(state: State, u: Inputs, seconds: float) -> State:
-        if seconds == 0:
-            return state
-        still = jnp.zeros((), q0.dtype)
-        solver = RK4(math.ceil(seconds / loop.step - _ROUNDING))
-        return solver.step(plant.derivative, state, still, jnp.asarray(seconds, q0.dtype), u, u)
+        Args:
+            given: Those that waited, and this period's.
 
-    def measure(q: Coordinates, v: Velocities, key: PRNGKeyArray) -> tuple[Coordinates, Velocities]:
-        noise = loop.noise * jax.random.normal(key, (2, *q.shape), q.dtype)
-        return q + noise[0], v + noise[1]
+        Returns:
+            Each input with the time for which it is held [s].
+        """
+        if self.early:
+            yield given[0], self.early
+        yield given[1 if self.early else 0], self.period - self.early
 
-    def sample(carry: tuple, step: Array) -> tuple:
-        state, queue, guess = carry
-        q, v = velocities_of(plant, state)
-        known = measured = measure(q, v, jax.random.fold_in(noise_key, step))
-        if observer is not None:
-            guess = observer.correct(guess, *measured)
-            known = observer.look_ahead(guess, queue, first=early, period=loop.period)
-        u = controller(*known, step.astype(q.dtype) * loop.period)
-        queue = jnp.concatenate([queue, u[None]])
-        after = advance(state, queue[0], early)
-        after = advance(after, queue[1 if early else 0], loop.period - early)
-        if observer is not None:
-            guess = observer.predict(guess, queue[0], early)
-            guess = observer.predict(guess, queue[1 if early else 0], loop.period - early)
-        return (after, queue[1:], guess), (q, v, u)
+    def steps(self, seconds: float) -> int:
+        """Number of integration steps.
 
-    start = plant.encode(q0, rates_of(plant, q0, v0))
-    steps = jnp.arange(loop.samples)
-    guess = None if observer is None else observer.start(*measure(q0, v0, start_key))
-    _, (q, v, u) = jax.lax.scan(sample, (start, jnp.zeros((waiting, plant.inputs), q0.dtype), guess), steps)
-    return Episode(ts=steps.astype(q0.dtype) * loop.period, q=q, v=v, u=u)
+        Args:
+            seconds: Of how long [s].
 
-
-def run_episodes(
-    plant: AbstractDynamics,
-    controller: AbstractController,
-    q0: Float[np.ndarray, "k n"] | Float[Array, "k n"],
-    v0: Float[np.ndarray, "k n"] | Float[Array, "k n"],
-    loop: Loop,
-    *,
-    observer: Observer | None = None,
-    seed: int = 0,
-) -> Episode:
-    """Simulate many episodes at once.
-
-    Args:
-        plant: What is controlled.
-        controller: What controls it.
-        q0: Coordinates at the start of each episode.
-        v0: Velocities there.
-        loop: How they are connected.
-        observer: What filters the measurements; none if absent.
-        seed: Seed of the noise.
-
-    Returns:
-        The records, episodes first.
-    """
-    keys = jax.random.split(jax.random.key(seed), len(q0))
-    return _episodes(plant, controller, jnp.asarray(q0), jnp.asarray(v0), loop, observer, keys)
-
-
-def run_in_turn(
-    plants: Sequence[AbstractDynamics],
-    controller: AbstractController,
-    q0: Float[np.ndarray, "k n"],
-    v0: Float[np.ndarray, "k n"],
-    loop: Loop,
-    *,
-    observer: Observer | None = None,
-    seed: int = 0,
-) -> list[tuple[AbstractDynamics, Episode]]:
-    """Simulate many episodes, the first on the first plant, the next on the next, and so on round.
-
-    Args:
-        plants: What is controlled, at most as many as episodes.
-        controller: What controls it.
-        q0: Coordinates at the start of each episode.
-        v0: Velocities there.
-        loop: How they are connected.
-        observer: What filters the measurements; none if absent.
-        seed: Seed of the noise.
-
-    Returns:
-        Each plant with the records of its episodes.
-    """
-    tried = []
-    for k, plant in enumerate(plants):
-        q, v = (part[k :: len(plants)] for part in (q0, v0))
-        tried.append((plant, run_episodes(plant, controller, q, v, loop, observer=observer, seed=seed + k)))
-    return tried
-
-
-@eqx.filter_jit
-def _episodes(
-    plant: AbstractDynamics,
-    controller: AbstractController,
-    q0: Float[Array, "k n"],
-    v0: Float[Array, "k n"],
-    loop: Loop,
-    observer: Observer | None,
-    keys: Key[Array, " k"],
-) -> Episode:
-    """All episodes in one compiled program."""
-
-    def one(q: Coordinates, v: Velocities, key: PRNGKeyArray) -> Episode:
-        return close_loop(plant, controller, q, v, loop, observer=observer, key=key)
-
-    return jax.vmap(one)(q0, v0, keys)
+        Returns:
+            The number.
+        """
+        return math.ceil(seconds / self.step - _ROUNDING)

@@ -1,13 +1,18 @@
 """Equations of motion in velocities, as controllers need them: M v̇ + c(q, v) + ∇V + D v = g u."""
 
-from typing import NamedTuple
+import math
+from typing import Final, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, friction_matrix, gradient
 from symoden.shapes import Coordinates, InputMatrix, Inputs, SquareMatrix, Velocities
+
+_STEP: Final = 0.01
+_ROUNDING: Final = 1e-9
 
 
 class Terms(NamedTuple):
@@ -142,6 +147,28 @@ def velocities_of(dynamics: AbstractDynamics, state: jax.Array) -> tuple[Coordin
     """
     q, rates = dynamics.decode(state)
     return q, _of_momenta(dynamics).inverse_mass_matrix(q) @ rates if dynamics.momenta else rates
+
+
+def moved(
+    dynamics: AbstractDynamics, q: Coordinates, v: Velocities, u: Inputs, seconds: float
+) -> tuple[Coordinates, Velocities]:
+    """Configuration and velocities after a while under a held input.
+
+    Args:
+        dynamics: System or model.
+        q: Coordinates.
+        v: Velocities.
+        u: Inputs.
+        seconds: For how long [s].
+
+    Returns:
+        q and v then.
+    """
+    if seconds == 0:
+        return q, v
+    solver = RK4(math.ceil(seconds / _STEP - _ROUNDING), unroll=True)
+    start, still = dynamics.encode(q, rates_of(dynamics, q, v)), jnp.zeros((), q.dtype)
+    return velocities_of(dynamics, solver.step(dynamics.derivative, start, still, jnp.asarray(seconds, q.dtype), u, u))
 
 
 def _of_momenta(dynamics: AbstractDynamics) -> AbstractPortHamiltonian:

@@ -1,21 +1,16 @@
 """Estimate the state from noisy measurements: the learned model predicts, the measurement corrects."""
 
-import math
-from typing import Final, NamedTuple, final
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.shapes import Coordinates, Inputs, State, Velocities
 
-from ._motion import rates_of, velocities_of
-
-_STEP: Final = 0.01
-_ROUNDING: Final = 1e-9
+from ._motion import moved
 
 
 class Estimate(NamedTuple):
@@ -108,7 +103,7 @@ class Observer(eqx.Module):
 
         def move(x: State) -> tuple[State, State]:
             q, v = jnp.split(x, 2)
-            after = jnp.concatenate(self._move(q, v, u, seconds))
+            after = jnp.concatenate(moved(self.model, q, v, u, seconds))
             return after, after
 
         A, after = jax.jacfwd(move, has_aux=True)(jnp.concatenate(guess[:2]))
@@ -132,13 +127,5 @@ class Observer(eqx.Module):
         """
         if len(us) == 0:
             return guess.q, guess.v
-        x = self._move(guess.q, guess.v, us[0], first or period)
-        return jax.lax.scan(lambda x, u: (self._move(*x, u, period), None), x, us[1:])[0]
-
-    def _move(self, q: Coordinates, v: Velocities, u: Inputs, seconds: float) -> tuple[Coordinates, Velocities]:
-        """State of the model after a while."""
-        solver = RK4(math.ceil(seconds / _STEP - _ROUNDING), unroll=True)
-        still = jnp.zeros((), q.dtype)
-        start = self.model.encode(q, rates_of(self.model, q, v))
-        after = solver.step(self.model.derivative, start, still, jnp.asarray(seconds, q.dtype), u, u)
-        return velocities_of(self.model, after)
+        x = moved(self.model, guess.q, guess.v, us[0], first or period)
+        return jax.lax.scan(lambda x, u: (moved(self.model, *x, u, period), None), x, us[1:])[0]

@@ -10,8 +10,9 @@ from jaxtyping import Array, Float, Key, PRNGKeyArray
 
 from symoden.mechanics import AbstractDynamics
 
+from ._episodes import close_loop
 from ._handover import Handover
-from ._loop import Loop, close_loop
+from ._loop import Loop
 from ._pumps import CollocatedPump
 
 SEARCHED: Final = Loop(duration=12.0, period=0.01, step=0.01)

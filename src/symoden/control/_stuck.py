@@ -12,9 +12,9 @@ from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, gradien
 from symoden.shapes import Coordinates, Inputs
 
 from ._controller import as_array
+from ._episodes import Episode
 from ._free import way_from
 from ._judge import Tolerance, judge
-from ._loop import Episode
 from ._scales import slow_friction
 
 _PUSH = 0.01  # of friction; with less nothing is held, for nothing pushes.

@@ -39,6 +39,10 @@ class Dataset:
         input_names: Names of the columns of `us`.
         position_units: What each coordinate is measured in: "rad", "m", or "" where it is as it was logged. Angles on T
             are in rad; a coordinate on R may be an angle, too, that does not come back after a turn.
+        delay: How late the machine's inputs act on what its sensors tell [s]. It concerns controllers: in recordings
+            all is where it belongs.
+        lag: Time constant of the lag by which what acts follows each input [s], none if empty; recordings have what
+            acts.
 
     Example:
         >>> import numpy as np
@@ -61,6 +65,8 @@ class Dataset:
     position_names: tuple[str, ...] = ()
     input_names: tuple[str, ...] = ()
     position_units: tuple[str, ...] = ()
+    delay: float = 0.0
+    lag: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Complete names and units, unwrap angles, and refuse parts that do not belong together.

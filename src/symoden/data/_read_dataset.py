@@ -130,6 +130,9 @@ def assemble(description: Description, logs: Sequence[Log], recordings: Sequence
         position_names=short[: len(names[0])],
         input_names=short[len(names[0]) :],
         position_units=logs[0].units["positions"],
+        # What was logged late (a delay below zero) acts no sooner.
+        delay=max(0.0, *description.input_delay) + max(description.position_delay),
+        lag=description.input_lag if any(description.input_lag) else (),
     )
 
 

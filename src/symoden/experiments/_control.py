@@ -294,7 +294,7 @@ def try_control(
     starts = starts_of(machine, method)
     q0, v0 = starts.draw(config.episodes, config.seed)
     tell(f"{config.episodes} episodes of {loop.duration:g} s")
-    observer = Observer(model, max(loop.noise, _LEAST_NOISE)) if loop.noise or loop.delay else None
+    observer = Observer(model, max(loop.noise, _LEAST_NOISE)) if loop.noise or loop.is_late else None
     every = (plants or (system,))[: config.episodes]
     if len(every) < len(plants):
         tell(f"so few episodes are on {len(every)} of the {len(plants)} models")

@@ -25,6 +25,8 @@ class DataSummary:
         digest: SHA-256 of the recordings of each part and of all that is told of them; resuming with others is refused.
         position_units: What each coordinate is measured in: "rad", "m", or "" where it is as it was logged. Runs from
             before this was kept know what the space tells.
+        delay: How late the machine's inputs act on what its sensors tell [s].
+        lag: Time constant of the lag by which what acts follows each input [s]; none if empty.
     """
 
     space: str
@@ -37,6 +39,8 @@ class DataSummary:
     ranges: Ranges
     digest: str
     position_units: tuple[str, ...] = ()
+    delay: float = 0.0
+    lag: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         """Complete the units.
@@ -70,4 +74,6 @@ def summarize(dataset: Dataset) -> DataSummary:
         ranges=Ranges.of(dataset.train or dataset.recordings, Space.parse(dataset.space), cyclic=cyclic),
         digest=dataset.digest,
         position_units=dataset.position_units,
+        delay=dataset.delay,
+        lag=dataset.lag,
     )
