@@ -101,7 +101,8 @@ def infer_posterior(
     fitted to, and its score is zero: along no combination of parameters is the covariance less than H⁻¹. Where three
     recordings or more disagree by more than independent windows would, all is wider by that design effect.
 
-    Residuals are weighed as they are while priors are learned: by what is new in them.
+    Residuals are weighed by what is new in each, as a likelihood of errors that follow each other has it, also where
+    training kept all alike since validation lost by that.
 
     Priors that training has learned are left out: what they narrowed to nothing counts as open again, so that bands are
     rather too wide than too narrow where the data say little. Likewise friction in which training
@@ -143,7 +144,7 @@ def infer_posterior(
         solver = RK4(jnp.asarray(substeps))
         where = restore, theta, data.objective, solver, data.train
         weighing = Weighing.plain(data.objective.weights.size, expected_level(*where))
-        # As training weighs errors while it learns priors, once what these keep is free.
+        # By what is new in each, once all that training kept is free.
         residuals = np.asarray(evaluate_residuals(model, data.objective.refined(solver, weighing), data.train), float)
         explained = config.scaled_loss and mean_square(residuals) < EXPLAINED  # Losses that carry units do not tell.
         if config.relevance_steps and not explained:
