@@ -14,6 +14,7 @@ from ._false_cyclic import find_false_cyclic
 from ._few_rows import find_few_rows
 from ._hold import find_other_hold
 from ._input_signs import find_input_signs
+from ._input_work import find_input_work
 from ._late_inputs import find_late_inputs
 from ._late_positions import find_late_positions
 
@@ -51,6 +52,8 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
     acting, places = [], []
     if bumps and not late:
         acting = [*find_other_hold(dataset, bumps, is_angle), *find_input_signs(dataset, description, bumps)]
+    if not late and not acting:
+        acting = find_input_work(dataset, description, is_angle)
     if bumps:
         places = find_false_cyclic(dataset, bumps, is_angle)
     few = find_few_rows(dataset, description, is_angle)

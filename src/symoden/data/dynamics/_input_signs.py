@@ -100,8 +100,7 @@ class _Change(NamedTuple):
     @classmethod
     def every(cls, inputs: int) -> "Iterator[_Change]":
         """None, signs of one input and more, and two inputs exchanged."""
-        patterns = product((1, -1), repeat=inputs) if inputs <= _MOST else _one_by_one(inputs)
-        yield from map(cls.of_signs, sorted(patterns, key=lambda signs: signs.count(-1)))
+        yield from map(cls.of_signs, sign_patterns(inputs))
         for pair in combinations(range(inputs), 2):
             order = list(range(inputs))
             order[pair[0]], order[pair[1]] = pair[::-1]
@@ -113,10 +112,18 @@ class _Change(NamedTuple):
         return tuple(j for j, other in enumerate(self.order) if j != other)
 
 
-def _one_by_one(inputs: int) -> Iterator[tuple[int, ...]]:
-    """No sign turned, or that of one of many inputs."""
-    for turned in range(-1, inputs):
-        yield tuple(-1 if j == turned else 1 for j in range(inputs))
+def sign_patterns(inputs: int) -> list[tuple[int, ...]]:
+    """Signs that inputs may have.
+
+    Args:
+        inputs: Number of inputs.
+
+    Returns:
+        Every pattern, of many inputs those of one sign turned; fewer turned signs go before more, none first.
+    """
+    if inputs <= _MOST:
+        return sorted(product((1, -1), repeat=inputs), key=lambda signs: signs.count(-1))
+    return [tuple(-1 if j == turned else 1 for j in range(inputs)) for turned in range(-1, inputs)]
 
 
 class _Answers(NamedTuple):

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 _RANK: Final = 1e-6  # Singular value beside the largest one from which a direction tells something.
 _WEAK: Final = 1e-3  # Beside what tells of a number: one that hardly anything tells is near zero.
-_BLOCKS: Final = 8  # Stretches.
+_STRETCHES: Final = 8
 
 
 def inverse(regressors: Float[np.ndarray, "T k"]) -> Float[np.ndarray, "k T"]:
@@ -88,13 +88,14 @@ def usual_sizes(columns: Float[np.ndarray, "r k"], count: int) -> Float[np.ndarr
     return np.where(size > 0, size, 1.0)
 
 
-def interleaved(count: int) -> list[Bool[np.ndarray, " T"]]:
-    """Every other of eight stretches, and the others.
+def interleaved(count: int, stretches: int = _STRETCHES) -> list[Bool[np.ndarray, " T"]]:
+    """Every other of some stretches, and the others.
 
     Args:
         count: Number of rows.
+        stretches: Number of stretches, two at least.
 
     Returns:
         Which rows belong to each half.
     """
-    return [np.arange(count) * _BLOCKS // count % 2 == k for k in (0, 1)]
+    return [np.arange(count) * stretches // count % 2 == k for k in (0, 1)]
