@@ -7,9 +7,11 @@ import gc
 import importlib.metadata
 import os
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import jax
+import jaxtyping
 import pytest
 
 ROOT = Path(__file__).resolve().parent
@@ -36,6 +38,18 @@ if "XLA_FLAGS" not in os.environ and importlib.metadata.version("jaxlib").starts
         "xla_cpu_parallel_codegen_split_count": "1",
     }
     os.environ["XLA_FLAGS"] = " ".join(f"--{name}={value}" for name, value in flags.items())
+
+# The import hook would decorate functions within functions at every call: in some files a third of the time.
+_jaxtyped = jaxtyping.jaxtyped
+
+
+def _jaxtyped_by_modules(*functions: Any, **settings: Any) -> Any:
+    """Check annotations of functions and classes of modules, not of those within functions."""
+    decorated = _jaxtyped(*functions, **settings)
+    return decorated if functions else lambda each: each if "<locals>" in each.__qualname__ else decorated(each)
+
+
+jaxtyping.jaxtyped = _jaxtyped_by_modules
 
 # Traced programs are millions of objects that live on: to look for garbage among them takes a tenth of the time.
 gc.set_threshold(50_000, 20, 50)

@@ -112,7 +112,7 @@ def find_inaccurate(
             level="warning" if one.is_late and not trusted else "note",
             channel=one.rate,
             text=f"`{one.rate}` differs from the slope of `{one.position}` by {one.differs:.2g}"
-            + (f", as if it came {1000 * one.delay:.2g} ms late" if one.is_late else "")
+            + (f", as if it came {1000 * one.delay:.3g} ms late" if one.is_late else "")
             + f"; estimated from the positions it would be off by about {one.error:.1g}",
             advice=f"Leave `{'trust_velocities' if trusted and one.is_late else 'velocities'}` out: they are then "
             "estimated, and what is learned is mostly better.",

@@ -89,7 +89,7 @@ def _is_better_estimated(every: Sequence[SlopeComparison]) -> bool:
 def _finding(late: Iterable[Sequence[SlopeComparison]], others: Sequence[str]) -> Finding:
     """What was done, and why."""
     said = [
-        f"`{every[0].rate}` comes {1000 * float(np.median([one.delay for one in every if one.is_late])):.2g} ms late"
+        f"`{every[0].rate}` comes {1000 * float(np.median([one.delay for one in every if one.is_late])):.3g} ms late"
         f" and is off by {max(one.differs for one in every):.2g}, the slope of `{every[0].position}` by about "
         f"{max(one.error for one in every):.1g}"
         for every in late
