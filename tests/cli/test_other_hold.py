@@ -47,3 +47,9 @@ def test_constant_inputs_tell_nothing(capsys):
     train = recordings("zero", lambda ts, k: np.full(len(ts), 1.0 + k))
     name_other_hold(symoden.Pendulum(), symoden.Dataset(name="swing", space="T1", train=train), RK4(8))
     assert capsys.readouterr().err == ""
+
+
+def test_few_windows_tell_nothing(capsys):
+    train = recordings("zero", lambda ts, k: 3 * np.sin(7 * ts + k))[:1]
+    name_other_hold(symoden.Pendulum(), symoden.Dataset(name="swing", space="T1", train=train, hold="linear"), RK4(8))
+    assert "warning" not in capsys.readouterr().err

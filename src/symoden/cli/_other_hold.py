@@ -15,13 +15,15 @@ from symoden.mechanics import AbstractDynamics
 from ._progress import show_work
 
 _RECORDINGS: Final = 4  # That are compared.
+_FEWEST: Final = 8  # Windows in them: of three, one that another hold predicts better halved the sum by chance.
 _BETTER: Final = 0.85  # Of the errors; 0.81 and 0.75 on two simulated machines, 0.88 by chance on a measured one.
 
 
 def name_other_hold(model: AbstractDynamics, dataset: Dataset, solver: AbstractSolver) -> None:
     """Say on standard error how well inputs of the other `hold` predict the training recordings.
 
-    The model was fitted to inputs as the description has them: what is better with others, is so for a reason.
+    The model was fitted to inputs as the description has them: what is better with others, is so for a reason. Of few
+    windows nothing is said.
 
     Args:
         model: The run's model.
@@ -34,10 +36,12 @@ def name_other_hold(model: AbstractDynamics, dataset: Dataset, solver: AbstractS
     chosen = spaced_evenly(len(dataset.train), _RECORDINGS)
     dataset = dataclasses.replace(dataset, train=tuple(dataset.train[i] for i in chosen), validation=(), test=())
     with show_work(f'comparing with `hold = "{other}"`'):
-        errors = [
-            [each.in_motion.error for each in score_recordings(model, data, solver=solver)]
-            for data in (dataset, dataclasses.replace(dataset, hold=other))
+        scores = [
+            score_recordings(model, data, solver=solver) for data in (dataset, dataclasses.replace(dataset, hold=other))
         ]
+    if sum(each.windows for each in scores[0]) < _FEWEST:
+        return
+    errors = [[each.in_motion.error for each in every] for every in scores]
     pairs = [pair for pair in zip(*errors, strict=True) if all(map(math.isfinite, pair))]
     now, then = (sum(each) for each in zip(*pairs, strict=True)) if pairs else (0.0, 0.0)
     if not now > 0:
