@@ -55,6 +55,7 @@ def test_inspect_writes_the_robot(run, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert f"the identified robot is in {out}" in printed
     assert "drives have no place in a URDF" in printed
+    assert "hardly tell even the size" in out.read_text()  # Nothing was learned.
 
 
 def test_what_cannot_be_written_is_refused_before_anything_takes_time(run, arm_run, described, tmp_path, capsys):

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 import symoden
 from symoden.blocks import Links
 from symoden.evaluation import Ranges
+from symoden.evaluation._inspect import identified_parameters
 from symoden.known import KnownParts, read_urdf
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
@@ -111,6 +112,20 @@ def test_the_file_has_the_inertia_and_the_gravity_of_the_model(folder, seed):
     assert "<dynamics" not in text
     assert f"elbow: {drives['elbow']:.6g} kg m^2\n" in text
     assert f"slide: {drives['slide']:.6g} kg\n" in text
+
+
+def test_numbers_that_the_data_do_not_tell_are_listed(robot, tmp_path):
+    model, out = model_of(robot), tmp_path / "found.urdf"
+    found = identified_parameters(model)
+    told, untold = "elbow.m", "slide.cx"
+    symoden.write_urdf(out, model, robot, bands={told: 0.1 * abs(found[told]), untold: 12 * abs(found[untold])})
+    text = out.read_text()
+    assert "Of these numbers the data hardly tell even the size" in text
+    assert f"  {untold}: {found[untold]:.4g} +- {12 * abs(found[untold]):.2g}\n" in text
+    assert f"  {told}: " not in text
+    read_urdf(out, joints=JOINTS, at=AT)
+    symoden.write_urdf(out, model, robot, bands={told: 0.1 * abs(found[told])})
+    assert "hardly tell" not in out.read_text()
 
 
 def test_friction_is_written_where_two_numbers_tell_it(robot, tmp_path):

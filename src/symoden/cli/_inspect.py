@@ -1,8 +1,9 @@
 """`symoden inspect`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 
 from symoden.evaluation import Certainty, IdentifiedJoint, Inspection, write_urdf
 from symoden.experiments import read_model
@@ -29,8 +30,7 @@ def run(command: Inspect) -> None:
         _check_urdf(command.urdf, read_model(command.run))
     learned = Learned.of(command.run)
     name_unfinished(learned.config)
-    joints = None if command.urdf is None else _write_robot(command.urdf, learned)
-    found, certain = learned.inspect()
+    found, certain, joints = _looked_at(learned, command.urdf)
     split, audited = learned.audit()
     if command.figure is not None:
         save_figure(learned.draw(), command.figure)
@@ -60,6 +60,17 @@ def run(command: Inspect) -> None:
         print("\ndrives have no place in a URDF: a comment in the file says what they are")
 
 
+def _looked_at(
+    learned: Learned, urdf: Path | None
+) -> tuple[Inspection, Certainty | None, tuple[IdentifiedJoint, ...] | None]:
+    """What was learned, how certain that is, and the joints of the robot that is written, if one is."""
+    joints = None if urdf is None else _write_robot(urdf, learned)  # At first: it may be refused.
+    found, certain = learned.inspect()
+    if urdf is not None and certain is not None:
+        joints = _write_robot(urdf, learned, certain.identified)
+    return found, certain, joints
+
+
 def _check_urdf(path: Path, model: AbstractDynamics) -> None:
     """Refuse a file that nothing could be written to, before anything takes time."""
     if path.suffix.lower() != ".urdf":
@@ -72,14 +83,16 @@ def _check_urdf(path: Path, model: AbstractDynamics) -> None:
         )
 
 
-def _write_robot(path: Path, learned: Learned) -> tuple[IdentifiedJoint, ...]:
+def _write_robot(
+    path: Path, learned: Learned, bands: Mapping[str, float] = MappingProxyType({})
+) -> tuple[IdentifiedJoint, ...]:
     """Write what was learned of the run's robot."""
     known = None if learned.source is None else learned.source.dataset.known
     if known is None or known.robot is None:
         raise ValueError(
             f"`--urdf` needs the robot's file, which the run's data name; they cannot be read: {learned.missing}"
         )
-    return write_urdf(path, learned.model, known.robot, ranges=learned.config.data.ranges)
+    return write_urdf(path, learned.model, known.robot, ranges=learned.config.data.ranges, bands=bands)
 
 
 def _robot_table(path: Path | None, joints: Sequence[IdentifiedJoint]) -> TableText:

@@ -1,8 +1,9 @@
 """A learned robot as a URDF file."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import equinox as eqx
@@ -19,6 +20,7 @@ from symoden.models import StructuredModel, given_parts, parts_that_fix_the_scal
 from symoden.shapes import Coordinates, Velocities
 from symoden.storage import write_atomically
 
+from ._inspect import identified_parameters
 from ._ranges import Ranges
 
 _STATES: Final = 512
@@ -49,7 +51,12 @@ class IdentifiedJoint:
 
 
 def write_urdf(
-    path: Path | str, model: AbstractDynamics, robot: Robot, *, ranges: Ranges | None = None
+    path: Path | str,
+    model: AbstractDynamics,
+    robot: Robot,
+    *,
+    ranges: Ranges | None = None,
+    bands: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[IdentifiedJoint, ...]:
     """Write what a model learned of a robot into a copy of the robot's URDF file; all else in it stays.
 
@@ -64,6 +71,8 @@ def write_urdf(
         model: Model that learned the robot.
         robot: The robot that it was given, as `read_urdf` reads it, or `known.robot` of a data set has it.
         ranges: Ranges of the training data, over which friction is looked at; friction is not written if None.
+        bands: Half widths of the bands of identified numbers, by name, as `Certainty.identified` has them: the comment
+            lists numbers that the data do not tell, with their bands.
 
     Returns:
         What was found of each joint, from the base outwards.
@@ -91,7 +100,7 @@ def write_urdf(
         )
         for joint, inertia in zip(joints, links.inertias, strict=True)
     }
-    comment = [*_comment(model, joints, links.prismatic, looked=ranges is not None)]
+    comment = [*_comment(model, joints, links.prismatic, looked=ranges is not None), *_untold(model, bands)]
     try:
         text = rewrite_urdf(robot, identified, comment=comment)
     except OSError as error:
@@ -183,6 +192,16 @@ def _comment(
         yield f"Without what the model adds to rigid bodies: {', '.join(lacks)}."
     if not parts_that_fix_the_scale(model):
         yield "Nothing fixed the unit of forces: it is that in which the links weigh on the whole what they did before."
+
+
+def _untold(model: StructuredModel, bands: Mapping[str, float]) -> Iterator[str]:
+    """Numbers of the links whose bands are wider than they are themselves."""
+    found = identified_parameters(model)
+    wide = [f"  {name}: {found[name]:.4g} +- {width:.2g}" for name, width in bands.items() if width > abs(found[name])]
+    if wide:
+        yield "Of these numbers the data hardly tell even the size (90 % bands). Motion depends on combinations of"
+        yield "them, which are certain where the bands of M and V are narrow (symoden inspect):"
+        yield from wide
 
 
 def _missed(joint: IdentifiedJoint) -> str:
