@@ -11,7 +11,7 @@ Markdown: successes of 100 random initial states, and the median settling time [
 import argparse
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import jax
@@ -74,7 +74,7 @@ BARS = (
     Bar(name="acrobot, regulator near the top", task="acrobot", method="lqr", limit=15.0, least=0, naive=True),
     Bar(name="acrobot, swing-up", task="acrobot", method="swing-up", limit=15.0, duration=20.0, least=90),
 )
-LOOPS = {"clean": {"period": 0.005}, "noise, 20 ms": {"period": 0.02, "noise": 0.01}}
+LOOPS = {"clean": Loop(period=0.005), "noise, 20 ms": Loop(period=0.02, noise=0.01)}
 MODELS = {"learned": "", "truth": None, "undamped": "symoden-", "naive": "naive-"}
 
 
@@ -101,7 +101,8 @@ def row(runs: Path, bar: Bar, model: str, loop: str) -> dict[str, object] | None
     made_from = model_of(runs, bar.task, model)
     if made_from is None:
         return None
-    config = ControlConfig(method=bar.method, max_input=bar.limit, loop=Loop(duration=bar.duration, **LOOPS[loop]))
+    connected = replace(LOOPS[loop], duration=bar.duration)
+    config = ControlConfig(method=bar.method, max_input=bar.limit, loop=connected)
     result: dict[str, object] = {"bar": bar.name, "model": model, "loop": loop}
     try:
         tried = try_control(made_from, machine_of(bar.task, None), config)
