@@ -183,7 +183,7 @@ def test_inputs_act_as_late_as_the_data_set_says(near_pendulum, tmp_path, capsys
         (["--noise", "nan"], "`--noise` must be at least 0; got nan"),
         (["--lag", "0.1", "-1"], "`--lag` must be at least 0; got -1"),
         (["--lag", "0.1", "0.2"], "A lag must be one number or one per input, 1; got 2"),
-        (["--lag", "100"], "must be at most as long as the episode, 15 s; got 0.0 and (100.0,)"),
+        (["--lag", "100"], "Delay and lags must be at most 15 s; got 0.0 and (100.0,)"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

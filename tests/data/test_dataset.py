@@ -202,3 +202,9 @@ class MechanismOf:
 
     def potential_energy(self, q):
         return self.stiffness * (q @ q)
+
+
+@pytest.mark.parametrize("words", [{"delay": -0.1}, {"delay": np.inf}, {"lag": (-0.1,)}, {"lag": (0.1, 0.2)}])
+def test_delays_and_lags_that_are_none_are_refused(words):
+    with pytest.raises(DataError, match=r"`swing`: `delay` and `lag` must be at least 0 s, .* per input \(1\); got"):
+        Dataset(name="swing", space="R1", train=(recording("a", 0),), **words)

@@ -67,7 +67,7 @@ def close_loop(
     lag, noise_key, start_key = loop.lag_of(plant.inputs), *jax.random.split(key)
     feedback = None if observer is None else PredictorFeedback(controller, observer, loop)
 
-    def advance(state: State, acting: Inputs, u: Inputs, seconds: float) -> State:
+    def advance(state: State, acting: Inputs, u: Inputs, seconds: float) -> tuple[State, Inputs]:
         count = loop.steps(seconds)
         still, ahead = jnp.zeros((), q0.dtype), jnp.asarray(seconds / count, q0.dtype)
 
@@ -76,7 +76,7 @@ def close_loop(
             acting, mean = lag.follow(acting, u, seconds / count)
             return (RK4().step(plant.derivative, state, still, ahead, mean, mean), acting), None
 
-        return jax.lax.scan(step, (state, acting), None, count)[0][0]
+        return jax.lax.scan(step, (state, acting), None, count)[0]
 
     def measure(q: Coordinates, v: Velocities, key: PRNGKeyArray) -> tuple[Coordinates, Velocities]:
         noise = loop.noise * jax.random.normal(key, (2, *q.shape), q.dtype)
@@ -92,8 +92,7 @@ def close_loop(
             u, memory = feedback.answer(memory, *measured, t)
         given = jnp.concatenate([waiting, u[None]])
         for held, seconds in loop.parts(given):
-            state = advance(state, acting, held, seconds)
-            acting, _ = lag.follow(acting, held, seconds)
+            state, acting = advance(state, acting, held, seconds)
         return (state, given[1:], acting, memory), (q, v, u)
 
     start = plant.encode(q0, rates_of(plant, q0, v0))

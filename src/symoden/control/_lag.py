@@ -62,7 +62,7 @@ class Lag(eqx.Module):
             period: For how long each other one is [s].
 
         Returns:
-            What acts in the mean over each of these times, and at the end of the last.
+            What acts in the mean over each of these times, and at the end of the last; without any lag the commands.
         """
         if len(us) == 0 or not any(self.seconds):
             return us, acting

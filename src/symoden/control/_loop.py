@@ -14,6 +14,7 @@ from ._lag import Lag
 MOST_PERIODS: Final = 10**7
 """Most control periods in which states are kept."""
 _LOUDEST: Final = 1e6
+_LONGEST: Final = 10.0  # [s], or the episode: how far is looked ahead.
 _STEP = 0.005
 _ROUNDING = 1e-9
 
@@ -44,7 +45,8 @@ class Loop:
 
         Raises:
             ValueError: If a time is not positive, the episode is shorter than a period or has too many, noise, delay or
-                a lag is negative, noise is huge, lags are no tuple, or delay or a lag longer than the episode.
+                a lag is negative, noise is huge, lags are no tuple, or delay or a lag is longer than 10 s and the
+                episode.
         """
         values = (self.duration, self.period, self.noise, self.delay, self.step)
         if not all(map(math.isfinite, values)) or min(self.period, self.step) <= 0 or self.duration < self.period:
@@ -63,10 +65,9 @@ class Loop:
         if not isinstance(self.lag, tuple):
             raise ValueError(f"Lags must be a tuple of seconds, such as (0.1,); got {self.lag!r}.")
         Lag(self.lag)
-        if max(self.delay, *self.lag, 0.0) > self.duration:
+        if max(self.delay, *self.lag, 0.0) > max(self.duration, _LONGEST):
             raise ValueError(
-                f"Delay and lags must be at most as long as the episode, {self.duration:g} s; got {self.delay} and "
-                f"{self.lag}."
+                f"Delay and lags must be at most {max(self.duration, _LONGEST):g} s; got {self.delay} and {self.lag}."
             )
 
     @property
@@ -128,4 +129,4 @@ class Loop:
         Returns:
             The number.
         """
-        return math.ceil(seconds / self.step - _ROUNDING)
+        return max(1, math.ceil(seconds / self.step - _ROUNDING))

@@ -166,7 +166,7 @@ def moved(
     """
     if seconds == 0:
         return q, v
-    solver = RK4(math.ceil(seconds / _STEP - _ROUNDING), unroll=True)
+    solver = RK4(max(1, math.ceil(seconds / _STEP - _ROUNDING)), unroll=True)
     start, still = dynamics.encode(q, rates_of(dynamics, q, v)), jnp.zeros((), q.dtype)
     return velocities_of(dynamics, solver.step(dynamics.derivative, start, still, jnp.asarray(seconds, q.dtype), u, u))
 

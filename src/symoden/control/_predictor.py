@@ -3,6 +3,7 @@
 from typing import NamedTuple, final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -62,7 +63,7 @@ class PredictorFeedback(eqx.Module):
         return Memory(self.observer.start(q, v), none[1:], none[0])
 
     def answer(self, memory: Memory, q: Coordinates, v: Velocities, t: Scalar | None = None) -> tuple[Inputs, Memory]:
-        """Input for a measurement, once in each period.
+        """Input for a measurement, once in each period; where a number is lost, for what was predicted.
 
         Args:
             memory: What was remembered.
@@ -71,17 +72,20 @@ class PredictorFeedback(eqx.Module):
             t: Time [s], zero if absent.
 
         Returns:
-            The input, within the controller's limits, and what to remember.
+            The input, within the controller's limits, or zeros where it is no number; and what to remember.
 
         Raises:
             ValueError: If the number of lags is wrong.
         """
         loop, t = self.loop, jnp.zeros((), q.dtype) if t is None else t
         lag = loop.lag_of(self.observer.model.inputs)
-        guess = self.observer.correct(memory.guess, q, v)
+        seen = jnp.isfinite(q).all() & jnp.isfinite(v).all()
+        corrected = self.observer.correct(memory.guess, q, v)
+        guess = jax.tree.map(lambda new, old: jnp.where(seen, new, old), corrected, memory.guess)
         coming, then = lag.through(memory.acting, memory.waiting, first=loop.early, period=loop.period)
         ahead = self.observer.look_ahead(guess, coming, first=loop.early, period=loop.period)
         u = self._anticipated(*ahead, then, t + loop.delay)
+        u = jnp.where(jnp.isfinite(u).all(), u, 0.0)
         given, acting = jnp.concatenate([memory.waiting, u[None]]), memory.acting
         for held, seconds in loop.parts(given):
             acting, mean = lag.follow(acting, held, seconds)

@@ -73,7 +73,7 @@ class Dataset:
 
         Raises:
             DataError: If a part is no sequence of recordings, there is no recording, sizes differ, a part is repeated
-                in another one, or a unit is none of a coordinate.
+                in another one, a unit is none of a coordinate, or a delay or lag is no time.
         """
         for part in _PARTS:
             object.__setattr__(self, part, _recordings(self.name, part, getattr(self, part)))
@@ -105,6 +105,7 @@ class Dataset:
                 raise DataError(f"`{self.name}`: `{field}` must be {count} names; got {len(names)}: {names}.")
             object.__setattr__(self, field, names)
         object.__setattr__(self, "position_units", _units_of(self.name, is_angle, self.position_units))
+        object.__setattr__(self, "lag", _lags_of(self))
 
     def __repr__(self) -> str:
         """What it is, in a line."""
@@ -185,6 +186,17 @@ def _angles_of(name: str, space: str, size: int) -> np.ndarray:
             f"have {size}. Give one factor per position column, in their order."
         )
     return np.array(known.is_angle)
+
+
+def _lags_of(dataset: Dataset) -> tuple[float, ...]:
+    """Lags of a data set's inputs, refused like its delay where they are no times."""
+    lags = finite_numbers(dataset.lag, f"`{dataset.name}`: `lag`", axes=1) if len(dataset.lag) else np.zeros(0)
+    if len(lags) not in (0, 1, dataset.inputs) or min([dataset.delay, *lags]) < 0 or not np.isfinite(dataset.delay):
+        raise DataError(
+            f"`{dataset.name}`: `delay` and `lag` must be at least 0 s, lags none, one, or one per input "
+            f"({dataset.inputs}); got {dataset.delay} and {lags.tolist()}."
+        )
+    return tuple(lags.tolist())
 
 
 def _units_of(name: str, is_angle: np.ndarray, told: tuple[str, ...]) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from itertools import combinations_with_replacement
 from typing import Final, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
@@ -19,7 +19,8 @@ from ._regression import interleaved, inverse
 _SHARE: Final = 0.1  # Of the time scale of the motion that a stretch takes: whole swings tell hardly anything of each.
 _APART: Final = 10  # As many in a row, a time scale, belong to one half: joints take turns to move.
 _CLEAR: Final = 4.0  # Standard errors of all recordings,
-_HALF: Final = 2.0  # and of either half.
+_HALF: Final = 1.5  # and of either half.
+_RIGHT: Final = 3.0  # In either half: so is the kinetic energy where an input is late, whose friction is negative.
 _FEWEST: Final = 4  # Stretches in either half for each number of the regression.
 
 
@@ -27,10 +28,10 @@ def find_input_work(dataset: Dataset, description: Description, is_angle: np.nda
     """Say of which inputs `input_matrix` has the wrong sign, where work tells.
 
     What inputs do, ∫ uᵀ gᵀ q̇ dt, is what the energy keeps and what friction takes. Over short stretches it is fitted by
-    changes of the positions' functions and of products of velocities, and by the ways that each coordinate goes. With
-    the right signs no coordinate has a kinetic energy or a friction below zero; geared arms, whose accelerations tell
-    hardly anything of their inputs, show the latter at every turn. Inputs that are late leave a friction below zero,
-    too, but with a kinetic energy far above it, which turned signs would make negative.
+    changes of the positions' functions and of products of velocities, and by ∫ |q̇| dt and ∫ q̇² dt of each coordinate.
+    With the right signs no coordinate has a kinetic energy or a friction below zero; geared arms, whose accelerations
+    tell hardly anything of their inputs, show the latter at every turn. Inputs that are late leave a friction below
+    zero, too, but a kinetic energy far above it.
 
     Args:
         dataset: Recordings as training sees them.
@@ -43,28 +44,28 @@ def find_input_work(dataset: Dataset, description: Description, is_angle: np.nda
     if dataset.input_matrix is None or not dataset.inputs or dataset.momenta or not dataset.train:
         return []
     work = _Work.of(dataset, dataset.input_matrix, is_angle)
-    if len(work.done) < 2 * _FEWEST * (work.kept.shape[1] + dataset.size):
+    if len(work.done) < 2 * _FEWEST * (work.kept.shape[1] + work.gone.shape[1]):
         return []
     as_it_is, *turned = sign_patterns(dataset.inputs)
     told = work.told(as_it_is)
-    backwards = told.backwards
-    if not backwards.any():
+    if not told.is_backwards:
         return []
-    right = next((signs for signs in turned if work.told(signs).is_right), None)
-    if right is None:
+    right = max(turned, key=lambda signs: work.told(signs).least)
+    if work.told(right).least < -_HALF:
         return []
     names = [name for name, sign in zip(dataset.input_names, right, strict=True) if sign < 0]
     several, named = len(names) > 1, ", ".join(f"`{name}`" for name in names)
-    joint = dataset.position_names[int(np.argmax(backwards))]
+    joint = dataset.position_names[int(np.argmin(told.whole.min(axis=0)))]
     return [
         Finding(
             kind="sign",
             level="warning",
             channel="" if several else names[0],
             text=f"in [train] {named} {'do' if several else 'does'} work as if the friction or the kinetic energy of "
-            f"`{joint}` were negative, by {told.errors:.2g} standard errors, and the other way round as if none were",
+            f"`{joint}` were negative, by {-told.least:.3g} standard errors, and the other way round as if none were",
             advice=f"Write {entry(dict.fromkeys(names, -1.0), description.units)}, or turn the signs in "
-            "`input_matrix`; or else those of positions and velocities.",
+            "`input_matrix`; or else those of positions and velocities. An input that was filtered or logged late, "
+            "or a push that was not logged, may look like it.",
         )
     ]
 
@@ -81,19 +82,16 @@ class _Told(NamedTuple):
     halves: Float[np.ndarray, "2 2 n"]
 
     @property
-    def backwards(self) -> Bool[np.ndarray, " n"]:
-        """Of which coordinates one of them is clearly negative."""
-        return np.any((self.whole < -_CLEAR) & np.all(self.halves < -_HALF, axis=0), axis=0)
+    def is_backwards(self) -> bool:
+        """Whether one is clearly negative where the coordinate's other one is not clearly positive."""
+        negative = (self.whole < -_CLEAR) & np.all(self.halves < -_HALF, axis=0)
+        positive = np.all(self.halves > _RIGHT, axis=0)
+        return bool(np.any(negative & ~positive[::-1]))
 
     @property
-    def is_right(self) -> bool:
-        """Whether none is negative."""
-        return bool((self.whole > -_HALF).all())
-
-    @property
-    def errors(self) -> float:
-        """How negative the most negative one is."""
-        return -float(self.whole[:, self.backwards].min())
+    def least(self) -> float:
+        """The most negative one, or least positive."""
+        return float(self.whole.min())
 
 
 class _Work(NamedTuple):
@@ -102,53 +100,75 @@ class _Work(NamedTuple):
     Attributes:
         done: ∫ u gᵀ q̇ dt of each input.
         kept: Changes of what an energy is made of: kinetic energies of single coordinates first.
-        gone: The way of each coordinate, ∫ |q̇| dt.
+        gone: What friction takes by: the way of each coordinate, ∫ |q̇| dt, and ∫ q̇² dt of each.
     """
 
     done: Float[np.ndarray, "S m"]
     kept: Float[np.ndarray, "S k"]
-    gone: Float[np.ndarray, "S n"]
+    gone: Float[np.ndarray, "S 2*n"]
 
     @classmethod
     def of(cls, dataset: Dataset, g: Float[np.ndarray, "n m"], is_angle: np.ndarray) -> "_Work":
         """Cut recordings."""
         scale = float(np.median(time_scales(dataset.train, is_angle)))
-        parts = [_stretches(each, g, is_angle, _SHARE * scale, held=dataset.hold == "zero") for each in dataset.train]
+        # Squares of lengths that are far from zero would tell nothing.
+        middle = np.where(is_angle, 0.0, np.mean([each.q.mean(axis=0) for each in dataset.train], axis=0))
+        parts = [
+            _stretches(each, each.q - middle, g, is_angle, _SHARE * scale, held=dataset.hold == "zero")
+            for each in dataset.train
+        ]
         return cls(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
     def told(self, signs: Sequence[int]) -> _Told:
         """What it says with other signs of the inputs."""
-        done, count = self.done @ np.asarray(signs, float), self.gone.shape[1]
+        done, count = self.done @ np.asarray(signs, float), self.gone.shape[1] // 2
         columns = np.concatenate([self.kept, self.gone], axis=1)
+        # A kinetic energy is told by its number, a friction by all that it takes on the way, whatever its law.
+        asked = np.zeros((2, count, columns.shape[1]))
+        for j in range(count):
+            asked[0, j, j] = 1.0
+            for column in (j - 2 * count, j - count):
+                asked[1, j, column] = self.gone[:, column].sum()
         rows = [np.ones(len(done), bool), *interleaved(len(done), len(done) // _APART)]
-        values = [_in_errors(columns[chosen], done[chosen]) for chosen in rows]
-        whole, *halves = (np.stack([each[:count], each[-count:]]) for each in values)
+        whole, *halves = (_in_errors(columns[chosen], done[chosen], asked) for chosen in rows)
         return _Told(whole, np.stack(halves))
 
 
-def _in_errors(columns: Float[np.ndarray, "S k"], done: Float[np.ndarray, " S"]) -> Float[np.ndarray, " k"]:
-    """Numbers of a regression beside their standard errors; zero where nothing tells."""
+def _in_errors(
+    columns: Float[np.ndarray, "S k"], done: Float[np.ndarray, " S"], asked: Float[np.ndarray, "2 n k"]
+) -> Float[np.ndarray, "2 n"]:
+    """Sums of a regression's numbers beside their standard errors; zero where nothing tells."""
     makes = inverse(columns)
     values = makes @ done
-    left = done - columns @ values
-    free = max(1.0, len(done) - float(np.sum(makes.T * columns)))
-    errors = np.sqrt(left @ left / free * np.sum(makes**2, axis=1))
-    return np.where(errors > 0, values / np.where(errors > 0, errors, 1.0), 0.0)
+    # What is left follows itself: a time scale in a row counts as one error.
+    each = asked @ (makes * (done - columns @ values))
+    blocks = np.add.reduceat(each, np.arange(0, len(done), _APART), axis=-1)
+    errors = np.linalg.norm(blocks, axis=-1)
+    return np.where(errors > 0, asked @ values / np.where(errors > 0, errors, 1.0), 0.0)
 
 
 def _stretches(
-    recording: Trajectory, g: Float[np.ndarray, "n m"], is_angle: np.ndarray, seconds: float, *, held: bool
-) -> tuple[Float[np.ndarray, "S m"], Float[np.ndarray, "S k"], Float[np.ndarray, "S n"]]:
-    """Work, energies and ways of the stretches of one recording."""
-    ts, q, v, u = recording.ts, recording.q, recording.rates, recording.us
-    steps, between = np.diff(ts), u[:-1] if held else (u[:-1] + u[1:]) / 2
-    done = between * (np.diff(q, axis=0) @ g)
-    gone = np.abs(v[:-1] + v[1:]) / 2 * steps[:, None]
+    recording: Trajectory,
+    q: Float[np.ndarray, "T n"],
+    g: Float[np.ndarray, "n m"],
+    is_angle: np.ndarray,
+    seconds: float,
+    *,
+    held: bool,
+) -> tuple[Float[np.ndarray, "S m"], Float[np.ndarray, "S k"], Float[np.ndarray, "S 2*n"]]:
+    """Work, energies and what friction takes by, of the stretches of one recording with its positions q."""
+    ts, v, u = recording.ts, recording.rates, recording.us
+    steps, between = np.diff(ts)[:, None], u[:-1] if held else (u[:-1] + u[1:]) / 2
+    speeds = np.abs(v[:-1] + v[1:]) / 2
+    ends = np.arange(0, len(ts), max(2, round(seconds / np.median(steps))))
+
+    def over(rates: Float[np.ndarray, "T k"]) -> Float[np.ndarray, "S k"]:
+        return np.diff(np.concatenate([0 * rates[:1], np.cumsum(rates, axis=0)])[ends], axis=0)
+
     pairs = combinations_with_replacement(range(q.shape[1]), 2)
     kinetic = [v**2, *(v[:, [i]] * v[:, [j]] for i, j in pairs if i != j)]
-    places = [np.cos(q[:, is_angle]), np.sin(q[:, is_angle]), q[:, ~is_angle], q[:, ~is_angle] ** 2]
-    ends = np.arange(0, len(ts), max(2, round(seconds / np.median(steps))))
+    # The work of a sensor's offset goes with the place, of angles too.
+    places = [q, np.cos(q[:, is_angle]), np.sin(q[:, is_angle]), q[:, ~is_angle] ** 2]
     kept = np.diff(np.concatenate([*kinetic, *places], axis=1)[ends], axis=0)
-    sums = (np.concatenate([np.zeros((1, each.shape[1])), np.cumsum(each, axis=0)])[ends] for each in (done, gone))
-    done, gone = (np.diff(each, axis=0) for each in sums)
-    return done, kept, gone
+    work = between * (np.diff(q, axis=0) @ g)
+    return over(work), kept, over(np.concatenate([speeds, speeds**2], axis=1) * steps)
