@@ -127,5 +127,8 @@ def test_lost_measurements_are_predicted():
     told, _ = feedback.answer(memory, *memory.guess[:2])
     np.testing.assert_allclose(u, told, rtol=1e-6)
     assert all(np.isfinite(part).all() for part in jax.tree.leaves(after))
-    blind = feedback.start(q * jnp.nan, v)
-    np.testing.assert_array_equal(feedback.answer(blind, q, v)[0], [0.0])
+    blind, lost = feedback.start(q * jnp.nan, v), q * jnp.nan
+    u, blind = feedback.answer(blind, lost, v)
+    np.testing.assert_array_equal(u, [0.0])
+    begun, _ = feedback.answer(feedback.start(q, v), q, v)
+    np.testing.assert_allclose(feedback.answer(blind, q, v)[0], begun, rtol=1e-6)

@@ -79,9 +79,8 @@ class PredictorFeedback(eqx.Module):
         """
         loop, t = self.loop, jnp.zeros((), q.dtype) if t is None else t
         lag = loop.lag_of(self.observer.model.inputs)
-        seen = jnp.isfinite(q).all() & jnp.isfinite(v).all()
-        corrected = self.observer.correct(memory.guess, q, v)
-        guess = jax.tree.map(lambda new, old: jnp.where(seen, new, old), corrected, memory.guess)
+        guess = _either(memory.guess, self.observer.start(q, v))  # It begins anew where it has lost the machine.
+        guess = _either(self.observer.correct(guess, q, v), guess)
         coming, then = lag.through(memory.acting, memory.waiting, first=loop.early, period=loop.period)
         ahead = self.observer.look_ahead(guess, coming, first=loop.early, period=loop.period)
         u = self._anticipated(*ahead, then, t + loop.delay)
@@ -97,3 +96,9 @@ class PredictorFeedback(eqx.Module):
         lags = self.loop.lag_of(acting.size).seconds
         us = {lag: self.controller(*moved(self.observer.model, q, v, acting, lag), t + lag) for lag in set(lags)}
         return jnp.stack([us[lag][i] for i, lag in enumerate(lags)])
+
+
+def _either(first: Estimate, second: Estimate) -> Estimate:
+    """The first one; the second where a number of the first is lost."""
+    finite = jnp.all(jnp.array([jnp.isfinite(part).all() for part in first]))
+    return jax.tree.map(lambda one, other: jnp.where(finite, one, other), first, second)
