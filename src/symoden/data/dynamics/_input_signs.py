@@ -222,17 +222,28 @@ def _findings(dataset: Dataset, description: Description, change: _Change, error
             )
         ]
     names = [name for name, sign in zip(dataset.input_names, change.signs, strict=True) if sign < 0]
-    if not names:
-        return []
-    several, told = len(names) > 1, ", ".join(f"`{name}`" for name in names)
-    return [
-        Finding(
-            kind="sign",
-            level="warning",
-            channel="" if several else names[0],
-            text=f"in [train] {told} {'accelerate' if several else 'accelerates'} the other way round than "
-            f"`input_matrix` says, by {errors:.2g} standard errors or more",
-            advice=f"Write {entry(dict.fromkeys(names, -1.0), description.units)}, or turn the signs in "
-            "`input_matrix`; or else those of positions and velocities.",
-        )
-    ]
+    accelerate = "accelerate" if len(names) > 1 else "accelerates"
+    text = f"{accelerate} the other way round than `input_matrix` says, by {errors:.2g} standard errors or more"
+    return [wrong_signs(names, text, description)] if names else []
+
+
+def wrong_signs(names: Sequence[str], text: str, description: Description, *, unless: str = "") -> Finding:
+    """Say that inputs have the wrong signs.
+
+    Args:
+        names: The inputs, one at least.
+        text: What they do.
+        description: What it says.
+        unless: What else may look like it.
+
+    Returns:
+        The finding.
+    """
+    return Finding(
+        kind="sign",
+        level="warning",
+        channel=names[0] if len(names) == 1 else "",
+        text=f"in [train] {', '.join(f'`{name}`' for name in names)} {text}",
+        advice=f"Write {entry(dict.fromkeys(names, -1.0), description.units)}, or turn the signs in `input_matrix`; or "
+        f"else those of positions and velocities.{unless}",
+    )

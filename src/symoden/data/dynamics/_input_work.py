@@ -10,10 +10,10 @@ from jaxtyping import Float
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
 from symoden.data._trajectory import Trajectory
-from symoden.data.description import Description, entry
+from symoden.data.description import Description
 from symoden.data.signals import time_scales
 
-from ._input_signs import sign_patterns
+from ._input_signs import sign_patterns, wrong_signs
 from ._regression import interleaved, inverse
 
 _SHARE: Final = 0.1  # Of the time scale of the motion that a stretch takes: whole swings tell hardly anything of each.
@@ -54,20 +54,13 @@ def find_input_work(dataset: Dataset, description: Description, is_angle: np.nda
     if work.told(right).least < -_HALF:
         return []
     names = [name for name, sign in zip(dataset.input_names, right, strict=True) if sign < 0]
-    several, named = len(names) > 1, ", ".join(f"`{name}`" for name in names)
     joint = dataset.position_names[int(np.argmin(told.whole.min(axis=0)))]
-    return [
-        Finding(
-            kind="sign",
-            level="warning",
-            channel="" if several else names[0],
-            text=f"in [train] {named} {'do' if several else 'does'} work as if the friction or the kinetic energy of "
-            f"`{joint}` were negative, by {-told.least:.3g} standard errors, and the other way round as if none were",
-            advice=f"Write {entry(dict.fromkeys(names, -1.0), description.units)}, or turn the signs in "
-            "`input_matrix`; or else those of positions and velocities. An input that was filtered or logged late, "
-            "or a push that was not logged, may look like it.",
-        )
-    ]
+    text = (
+        f"{'do' if len(names) > 1 else 'does'} work as if the friction or the kinetic energy of `{joint}` were "
+        f"negative, by {-told.least:.3g} standard errors, and the other way round as if none were"
+    )
+    unless = " An input that was filtered or logged late, or a push that was not logged, may look like it."
+    return [wrong_signs(names, text, description, unless=unless)]
 
 
 class _Told(NamedTuple):
