@@ -36,12 +36,11 @@ def name_other_hold(model: AbstractDynamics, dataset: Dataset, solver: AbstractS
     chosen = spaced_evenly(len(dataset.train), _RECORDINGS)
     dataset = dataclasses.replace(dataset, train=tuple(dataset.train[i] for i in chosen), validation=(), test=())
     with show_work(f'comparing with `hold = "{other}"`'):
-        scores = [
-            score_recordings(model, data, solver=solver) for data in (dataset, dataclasses.replace(dataset, hold=other))
-        ]
-    if sum(each.windows for each in scores[0]) < _FEWEST:
-        return
-    errors = [[each.in_motion.error for each in every] for every in scores]
+        scores = score_recordings(model, dataset, solver=solver)
+        if sum(each.windows for each in scores) < _FEWEST:
+            return
+        others = score_recordings(model, dataclasses.replace(dataset, hold=other), solver=solver)
+    errors = [[each.in_motion.error for each in every] for every in (scores, others)]
     pairs = [pair for pair in zip(*errors, strict=True) if all(map(math.isfinite, pair))]
     now, then = (sum(each) for each in zip(*pairs, strict=True)) if pairs else (0.0, 0.0)
     if not now > 0:

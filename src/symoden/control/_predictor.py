@@ -83,7 +83,7 @@ class PredictorFeedback(eqx.Module):
         guess = _either(self.observer.correct(guess, q, v), guess)
         coming, then = lag.through(memory.acting, memory.waiting, first=loop.early, period=loop.period)
         ahead = self.observer.look_ahead(guess, coming, first=loop.early, period=loop.period)
-        u = self._anticipated(*ahead, then, t + loop.delay)
+        u = self._anticipated(*ahead, then, t + loop.delay, lag.seconds)
         u = jnp.where(jnp.isfinite(u).all(), u, 0.0)
         given, acting = jnp.concatenate([memory.waiting, u[None]]), memory.acting
         for held, seconds in loop.parts(given):
@@ -91,9 +91,8 @@ class PredictorFeedback(eqx.Module):
             guess = self.observer.predict(guess, mean, seconds)
         return u, Memory(guess, given[1:], acting)
 
-    def _anticipated(self, q: Coordinates, v: Velocities, acting: Inputs, t: Scalar) -> Inputs:
+    def _anticipated(self, q: Coordinates, v: Velocities, acting: Inputs, t: Scalar, lags: tuple[float, ...]) -> Inputs:
         """Each input for the state that will be reached a lag from then."""
-        lags = self.loop.lag_of(acting.size).seconds
         us = {lag: self.controller(*moved(self.observer.model, q, v, acting, lag), t + lag) for lag in set(lags)}
         return jnp.stack([us[lag][i] for i, lag in enumerate(lags)])
 

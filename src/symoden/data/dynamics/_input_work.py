@@ -1,6 +1,8 @@
 """Inputs that take out of a mechanism what friction would have to give: their work says that a sign is wrong."""
 
+import functools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Final, NamedTuple
 
@@ -87,7 +89,8 @@ class _Told(NamedTuple):
         return float(self.whole.min())
 
 
-class _Work(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Work:
     """Stretches of recordings.
 
     Attributes:
@@ -98,7 +101,7 @@ class _Work(NamedTuple):
 
     done: Float[np.ndarray, "S m"]
     kept: Float[np.ndarray, "S k"]
-    gone: Float[np.ndarray, "S 2*n"]
+    gone: Float[np.ndarray, "S d"]
 
     @classmethod
     def of(cls, dataset: Dataset, g: Float[np.ndarray, "n m"], is_angle: np.ndarray) -> "_Work":
@@ -112,9 +115,10 @@ class _Work(NamedTuple):
         ]
         return cls(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
-    def told(self, signs: Sequence[int]) -> _Told:
-        """What it says with other signs of the inputs."""
-        done, count = self.done @ np.asarray(signs, float), self.gone.shape[1] // 2
+    @functools.cached_property
+    def answers(self) -> tuple["_Answer", ...]:
+        """What all of it says, and either half."""
+        count = self.gone.shape[1] // 2
         columns = np.concatenate([self.kept, self.gone], axis=1)
         # A kinetic energy is told by its number, a friction by all that it takes on the way, whatever its law.
         asked = np.zeros((2, count, columns.shape[1]))
@@ -122,22 +126,44 @@ class _Work(NamedTuple):
             asked[0, j, j] = 1.0
             for column in (j - 2 * count, j - count):
                 asked[1, j, column] = self.gone[:, column].sum()
-        rows = [np.ones(len(done), bool), *interleaved(len(done), len(done) // _APART)]
-        whole, *halves = (_in_errors(columns[chosen], done[chosen], asked) for chosen in rows)
+        rows = [np.ones(len(columns), bool), *interleaved(len(columns), len(columns) // _APART)]
+        return tuple(_Answer.of(columns[chosen], self.done[chosen], asked) for chosen in rows)
+
+    def told(self, signs: Sequence[int]) -> _Told:
+        """What it says with other signs of the inputs."""
+        whole, *halves = (answer.in_errors(signs) for answer in self.answers)
         return _Told(whole, np.stack(halves))
 
 
-def _in_errors(
-    columns: Float[np.ndarray, "S k"], done: Float[np.ndarray, " S"], asked: Float[np.ndarray, "2 n k"]
-) -> Float[np.ndarray, "2 n"]:
-    """Sums of a regression's numbers beside their standard errors; zero where nothing tells."""
-    makes = inverse(columns)
-    values = makes @ done
-    # What is left follows itself: a time scale in a row counts as one error.
-    each = asked @ (makes * (done - columns @ values))
-    blocks = np.add.reduceat(each, np.arange(0, len(done), _APART), axis=-1)
-    errors = np.linalg.norm(blocks, axis=-1)
-    return np.where(errors > 0, asked @ values / np.where(errors > 0, errors, 1.0), 0.0)
+class _Answer(NamedTuple):
+    """What some stretches say of kinetic energies and frictions, input by input: with signs it is their sum.
+
+    Attributes:
+        values: The numbers that are asked for.
+        errors: What each time scale puts into them that is left over.
+    """
+
+    values: Float[np.ndarray, "2 n m"]
+    errors: Float[np.ndarray, "2 n B m"]
+
+    @classmethod
+    def of(
+        cls,
+        columns: Float[np.ndarray, "S k"],
+        done: Float[np.ndarray, "S m"],
+        asked: Float[np.ndarray, "2 n k"],
+    ) -> "_Answer":
+        """By least squares; zero where nothing tells."""
+        makes = inverse(columns)
+        values = makes @ done
+        # What is left follows itself: a time scale in a row counts as one error.
+        each = (asked @ makes)[..., None] * (done - columns @ values)
+        return cls(asked @ values, np.add.reduceat(each, np.arange(0, len(done), _APART), axis=2))
+
+    def in_errors(self, signs: Sequence[int]) -> Float[np.ndarray, "2 n"]:
+        """Values beside their standard errors."""
+        values, errors = self.values @ signs, np.linalg.norm(self.errors @ signs, axis=-1)
+        return np.where(errors > 0, values / np.where(errors > 0, errors, 1.0), 0.0)
 
 
 def _stretches(
