@@ -15,7 +15,7 @@ from symoden.data.description._formulas import COLUMNS
 from symoden.data.description._known import _ROBOT, KEYS as _KNOWN_KEYS
 from symoden.data.description._units import UNITS
 from symoden.data.description._values import KEYS, PART_KEYS, PARTS
-from symoden.data.files._readers import _ARRAYS, _TABLES
+from symoden.data.files._readers import _ARRAYS, TABLES as FORMATS
 from symoden.known import FUNCTIONS
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -44,19 +44,19 @@ def test_every_key_of_a_description_is_documented_and_no_other():
 
 def test_every_unit_format_and_finding_is_documented_and_no_other():
     assert first_cells("unit") == sorted(UNITS)
-    assert first_cells("ending") == sorted([*_TABLES, *_ARRAYS])
+    assert first_cells("ending") == sorted([*FORMATS, *_ARRAYS])
     assert first_cells("`kind` in JSON") == sorted(typing.get_args(Kind))
     assert first_cells("function of columns") == sorted(COLUMNS.more)
     assert re.search(", ".join(FUNCTIONS).replace(", ", r",\s+"), PAGE)
 
 
 def test_the_examples_are_descriptions(tmp_path):
-    smallest, full, thrusts, made, steered, pole = blocks("toml")
+    smallest, full, thrusts, made, steered, pole, joined = blocks("toml")
     drone = (
         'space = "R2 T1"\ntime = "t"\npositions = ["x", "z", "theta"]\ninputs = ["f1", "f2"]\n[train]\nfiles = ["*"]\n'
     )
     bench = smallest.replace('["tau"]', '["current", "push", "third"]').replace("[train]", f"{made}[train]")
-    for text in (smallest, full, drone + thrusts, bench, steered, steered + pole):
+    for text in (smallest, full, drone + thrusts, bench, steered, steered + pole, 'space = "T2"\n' + joined):
         path = tmp_path / "arm.toml"
         path.write_text(text)
         read_description(path)

@@ -28,7 +28,8 @@ class Part:
     """Files of one part of a data set.
 
     Attributes:
-        files: Names or patterns, relative to the description.
+        files: Names or patterns, relative to the description; or tables of them by what they are called, where a
+            recording has several files, which are joined.
         rows: Rows [start, stop) to read, counted from 0, by names or patterns of files; negative ones count from the
             end. Of several intervals each is a recording of its own. Of a file that no name stands for: all.
         recordings: Those that the column `recording` names so, or that arrays of three axes number from 0; without any,
@@ -36,7 +37,7 @@ class Part:
         split_every: Duration of the segments to split each recording into [s].
     """
 
-    files: tuple[str, ...]
+    files: tuple[str | Mapping[str, str], ...]
     rows: Mapping[str, tuple[Interval, ...]] = field(default_factory=dict)
     recordings: tuple[str, ...] = ()
     split_every: float | None = None

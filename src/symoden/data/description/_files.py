@@ -2,14 +2,18 @@
 
 import logging
 import os
-from collections.abc import Collection
+import re
+from collections.abc import Collection, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Final
 
 from symoden.data._errors import DataError, listing, nearest
 
 _LOGGER = logging.getLogger(__name__)
 _VARIABLE = "SYMODEN_DATA"
+_WILD: Final = re.compile(r"\*\*/|\*|\?|\[[^]]+\]")
+_REGEX: Final = {"**/": ".*", "*": "[^/]*", "?": "[^/]"}  # Those in brackets are the same in both languages.
 
 
 def find_files(pattern: str, description: Path) -> tuple[Path, ...]:
@@ -45,6 +49,42 @@ def find_files(pattern: str, description: Path) -> tuple[Path, ...]:
         f"`{description}`: no file matches `{pattern}`; looked in {', '.join(f'`{folder}`' for folder in folders)}. "
         f"Correct `files`, or name the folder of the data by the environment variable {_VARIABLE}."
     )
+
+
+def find_joined(patterns: Mapping[str, str], description: Path) -> tuple[dict[str, Path], ...]:
+    """Find files that are joined: those in whose names stars, and what else is not said, stand for the same texts.
+
+    Args:
+        patterns: Names or patterns, by what files are called.
+        description: File that gives them.
+
+    Returns:
+        The files of each recording, by what they are called, sorted by name.
+
+    Raises:
+        DataError: If a pattern matches no file, two of them have another number of stars, or a file lacks another's.
+    """
+    wild = {name: len(_WILD.findall(pattern)) for name, pattern in patterns.items()}
+    if len(set(wild.values())) > 1:
+        stars = ", ".join(f"`{pattern}`" for pattern in patterns.values())
+        raise DataError(
+            f"`{description}`: patterns of files that are joined must have as many stars each, for the same texts; got "
+            f'{stars}. Write for example `{{q = "run*/q.csv", tau = "run*/tau.csv"}}`.'
+        )
+    found = {
+        name: {_stood_for(pattern, file): file for file in find_files(pattern, description)}
+        for name, pattern in patterns.items()
+    }
+    first, *others = found.values()
+    for name, files in found.items():
+        for key in {key: file for each in others for key, file in each.items()} | first:
+            if key not in files:
+                other = next(each[key] for each in found.values() if key in each)
+                raise DataError(
+                    f"`{description}`: each of the files that are joined must have its others; `{other}` has none that "
+                    f"`{patterns[name]}` matches. Put it beside it, or name fewer files."
+                )
+    return tuple({name: files[key] for name, files in found.items()} for key in first)
 
 
 def find_tables(pattern: str, description: Path, tables: Collection[str]) -> tuple[Path, ...]:
@@ -86,6 +126,16 @@ def data_directories(description: Path) -> tuple[Path, ...]:
     above = [folder / name for folder in description.resolve().parents for name in ("data", "shared/data")]
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return (*([Path(named).expanduser()] if named else []), *above, cache / "symoden" / "data")
+
+
+def _stood_for(pattern: str, file: Path) -> tuple[str, ...]:
+    """What the stars of a pattern stand for in the name of a file that it matches."""
+    parts, stars = _WILD.split(pattern), _WILD.findall(pattern)
+    regex = re.escape(parts[0]) + "".join(
+        f"({_REGEX.get(star, star)}){re.escape(part)}" for star, part in zip(stars, parts[1:], strict=True)
+    )
+    match = re.search(f"(?:^|/){regex}$", file.as_posix())
+    return () if match is None else match.groups()
 
 
 def _globbed(folder: Path, pattern: str, description: Path) -> list[Path]:

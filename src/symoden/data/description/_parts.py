@@ -2,17 +2,17 @@
 
 import dataclasses
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from symoden.data._errors import DataError, listing, nearest
-from symoden.data.files import Rows, place, stem_of
+from symoden.data.files import Rows, Table, join_tables, name_joined, names_in, place, stem_of, variable_of
 
 from ._description import Description, Part, stands_for
-from ._files import find_files, find_tables
+from ._files import find_files, find_joined, find_tables
 from ._formulas import read_columns
 from ._units import in_si
 from ._unreadable import Unreadable
@@ -71,34 +71,56 @@ def read_parts(description: Description) -> Parts:
     return Parts(rest | chosen, tuple(refusals))
 
 
-def _files(description: Description, name: str, part: Part) -> tuple[Path | Unreadable, ...]:
+class _File(NamedTuple):
+    """A file, or a table in memory in its place.
+
+    Attributes:
+        path: What messages call it.
+        joined: Files that are joined, by what the description calls each, where it stands for these.
+    """
+
+    path: Path
+    joined: Mapping[str, Path] | None = None
+
+
+def _files(description: Description, name: str, part: Part) -> tuple[_File | Unreadable, ...]:
     """The files of a part, each once, and its patterns that match none."""
-    found: dict[Path, Path | Unreadable] = {}
+    found: dict[Path, _File | Unreadable] = {}
     for pattern in part.files:
         try:
             for file in _matches(pattern, description):
-                found.setdefault(description.whereabouts(file), file)
+                found.setdefault(description.whereabouts(file.path), file)
         except DataError as error:
-            named = Path(pattern)
-            found[named] = Unreadable(part=name, name=stem_of(named) or pattern, path=named, error=error)
+            named = Path(pattern if isinstance(pattern, str) else next(iter(pattern.values())))
+            found[named] = Unreadable(part=name, name=stem_of(named) or str(named), path=named, error=error)
     return tuple(found.values())
 
 
-def _matches(pattern: str, description: Description) -> tuple[Path, ...]:
+def _matches(pattern: str | Mapping[str, str], description: Description) -> Iterator[_File]:
     """Files, or tables in memory in their place, by name or by pattern."""
-    if description.tables is None:
-        return find_files(pattern, description.path)
-    return find_tables(pattern, description.path, description.tables)
+    if isinstance(pattern, Mapping) and description.tables is not None:
+        raise DataError(
+            f"`{description.path}`: files are joined, tables in memory are not; got {listing(pattern)}. Give one table "
+            "for each recording, such as of `pandas.merge`."
+        )
+    if isinstance(pattern, Mapping):
+        yield from (_File(name_joined(files), files) for files in find_joined(pattern, description.path))
+    elif description.tables is None:
+        yield from map(_File, find_files(pattern, description.path))
+    else:
+        yield from map(_File, find_tables(pattern, description.path, description.tables))
 
 
-def _recordings_of(description: Description, name: str, file: Path | Unreadable) -> Sequence[Rows | Unreadable]:
+def _recordings_of(description: Description, name: str, file: _File | Unreadable) -> Sequence[Rows | Unreadable]:
     """Rows of each recording of a file, or why it has none."""
     if isinstance(file, Unreadable):
         return [file]
-    intervals = description.parts[name].rows_of(file)
+    intervals = description.parts[name].rows_of(file.path)
     try:
-        read = [_read(file, description, slice(*each)) for each in intervals]
-        _refuse_absent(description, name, read)
+        table = _table_of(file, description)
+        read = [_read(file, table, description, slice(*each)) for each in intervals]
+        if not description.parts[name].recordings:  # Else other files may have them.
+            _refuse_absent(description, name, read, lambda: len(_read(file, table, description, slice(None))))
         _refuse_repeated(description.path, name, read)
         scaled = [in_si(each, description.units, description.zeros) for each in read]
         numbered = [
@@ -106,24 +128,32 @@ def _recordings_of(description: Description, name: str, file: Path | Unreadable)
         ]
         return [one for rows in numbered for one in _apart(rows, description.recording)]
     except DataError as error:
-        return [Unreadable(part=name, name=stem_of(file), path=file, error=error)]
+        return [Unreadable(part=name, name=stem_of(file.path), path=file.path, error=error)]
 
 
-def _read(file: Path, description: Description, rows: slice) -> Rows:
+def _table_of(file: _File, description: Description) -> Table | None:
+    """What is in memory of a file, if something is."""
+    if file.joined is not None:
+        names = [*names_in(description.selectors), *(each for f in description.formulas.values() for each in f.names)]
+        return join_tables(file.joined, time=description.time, wanted={*names, *map(variable_of, names)})
+    return None if description.tables is None else description.tables[str(file.path)]
+
+
+def _read(file: _File, table: Table | None, description: Description, rows: slice) -> Rows:
     """What the description names of a file."""
     return read_columns(
-        file,
+        file.path,
         description.selectors,
         rows,
         recording=description.recording,
         formulas=description.formulas,
-        table=None if description.tables is None else description.tables[str(file)],
+        table=table,
     )
 
 
-def _unknown(path: Path, part: Part, name: str, files: Sequence[Path | Unreadable]) -> Iterator[DataError]:
+def _unknown(path: Path, part: Part, name: str, files: Sequence[_File | Unreadable]) -> Iterator[DataError]:
     """Rows of files that the part does not have."""
-    named = [file.path if isinstance(file, Unreadable) else file for file in files]
+    named = [file.path for file in files]
     for pattern in part.rows:
         if not any(stands_for(pattern, file) for file in named):
             known = dict.fromkeys(file.name for file in named)
@@ -133,15 +163,15 @@ def _unknown(path: Path, part: Part, name: str, files: Sequence[Path | Unreadabl
             )
 
 
-def _refuse_absent(description: Description, name: str, intervals: Sequence[Rows]) -> None:
-    """Refuse intervals that a file has no rows in, unless the part names recordings, which other files may have."""
-    part = description.parts[name]
-    for (start, stop), rows in zip(part.rows_of(intervals[0].path), intervals, strict=True):
-        if not len(rows) and (start, stop) != (0, None) and not part.recordings:
-            whole = _read(rows.path, description, slice(None))
+def _refuse_absent(
+    description: Description, name: str, intervals: Sequence[Rows], count_all: Callable[[], int]
+) -> None:
+    """Refuse intervals that a file has no rows in."""
+    for (start, stop), rows in zip(description.parts[name].rows_of(intervals[0].path), intervals, strict=True):
+        if not len(rows) and (start, stop) != (0, None):
             raise DataError(
                 f"`{description.path}`: [{name}] `rows` must be rows of each of its files; `{rows.path}` has "
-                f"{len(whole)}, and none of them is in {[start] if stop is None else [start, stop]}. Name others, or "
+                f"{count_all()}, and none of them is in {[start] if stop is None else [start, stop]}. Name others, or "
                 "copy the file again if it was cut off."
             )
 

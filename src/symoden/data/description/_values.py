@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Set
 from functools import partial
-from typing import Final, NamedTuple, NoReturn, TypeAlias
+from typing import Any, Final, NamedTuple, NoReturn, TypeAlias
 
 from symoden.data._errors import cut
 from symoden.data.files import Selector, label
@@ -51,9 +51,23 @@ def _texts(value: object, *, of: str = "column") -> tuple[str, ...]:
     return tuple(value)
 
 
-def _files(value: object) -> tuple[str, ...]:
-    """A list of names of files or of patterns, at least one."""
+def _files(value: object) -> tuple[str | dict[str, str], ...]:
+    """A list of names of files or of patterns, or of tables of them that are joined; at least one."""
+    items = value if isinstance(value, list) else []
+    joined = [dict(_joined(item)) for item in items if isinstance(item, dict)]
+    if joined and len(joined) == len(items):
+        return tuple(joined)
+    if joined:
+        _fail("a list of texts, or of tables of files that are joined; not of both, for their columns have other names")
     return _texts(value, of="file")
+
+
+def _joined(value: dict[Any, Any]) -> dict[str, str]:
+    """Names or patterns of files that are joined, by what they are called."""
+    fit = all(isinstance(file, str) and file and isinstance(name, str) and name for name, file in value.items())
+    if not fit or len(value) < _ENDS:
+        _fail('of two files or more that are joined, such as {q = "q_*.csv", tau = "tau_*.csv"}')
+    return value
 
 
 def _labels(value: object) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """Named columns of numbers, whatever the format of a file."""
 
 from ._cells import label as label
+from ._joined import join_tables as join_tables, name_joined as name_joined
 from ._limits import LARGEST_NUMBER as LARGEST_NUMBER
 from ._memory import Table as Table
 from ._readers import (
@@ -30,7 +31,9 @@ __all__ = [
     "UnreadClock",
     "find_short_lines",
     "is_text",
+    "join_tables",
     "label",
+    "name_joined",
     "names_in",
     "place",
     "read_rows",

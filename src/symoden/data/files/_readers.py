@@ -23,10 +23,11 @@ from ._unread_inputs import unread_inputs
 
 Selector: TypeAlias = str | tuple[str, ...]  # a 2-D variable (in a table: a column), or a column each
 
-_TABLES: Final[dict[str, Callable[[Path], pl.DataFrame]]] = {
+TABLES: Final[dict[str, Callable[[Path], pl.DataFrame]]] = {
     **{ending + packed: read_csv for packed in ("", ".gz") for ending in TEXTS},
     ".parquet": read_parquet,
 }
+"""What reads tables, by the endings of their names."""
 _ARRAYS: Final[dict[str, Callable[[Path, Collection[str]], Mapping[str, np.ndarray]]]] = {
     ".npz": read_npz,
     ".h5": read_hdf5,
@@ -99,7 +100,7 @@ class Rows:
 
 def suffix_of(path: Path) -> str:
     """Ending of a file's name that says its format, in lower case; `.csv.gz` is one."""
-    endings = [ending for ending in (*_TABLES, *_ARRAYS) if path.name.lower().endswith(ending)]
+    endings = [ending for ending in (*TABLES, *_ARRAYS) if path.name.lower().endswith(ending)]
     return max(endings, key=len, default="")
 
 
@@ -134,7 +135,7 @@ def read_rows(
     """
     variables = sorted(_variables(selectors, recording))
     if table is None:
-        held = _held(path, variables)
+        held = held_in(path, variables)
     else:
         held = in_memory(path, table, variables, {*variables, *names_in(selectors)})
     try:
@@ -157,15 +158,26 @@ def _variables(selectors: Mapping[str, Selector], recording: str | None) -> set[
     return {variable_of(name) for name in [*names_in(selectors), *([recording] if recording else [])]}
 
 
-def _held(path: Path, variables: Sequence[str]) -> pl.DataFrame | Mapping[str, np.ndarray]:
-    """What a file holds: a table, or the arrays that are wanted."""
+def held_in(path: Path, variables: Sequence[str]) -> pl.DataFrame | Mapping[str, np.ndarray]:
+    """What a file holds.
+
+    Args:
+        path: The file.
+        variables: Names of arrays that are wanted, if it holds arrays.
+
+    Returns:
+        A table, or these arrays.
+
+    Raises:
+        DataError: If it cannot be read.
+    """
     suffix = suffix_of(path)
     if not suffix:
-        raise DataError(f"`{path}`: the name must end in one of {listing([*_TABLES, *_ARRAYS])}. Convert the file.")
+        raise DataError(f"`{path}`: the name must end in one of {listing([*TABLES, *_ARRAYS])}. Convert the file.")
     try:
         if path.stat().st_size == 0:
             raise DataError(f"`{path}`: is empty; it must have columns or variables of numbers.")
-        return _TABLES[suffix](path) if suffix in _TABLES else _ARRAYS[suffix](path, variables)
+        return TABLES[suffix](path) if suffix in TABLES else _ARRAYS[suffix](path, variables)
     except OSError as error:
         raise DataError(f"`{path}`: cannot be read: {error.strerror or error}.") from error
 
