@@ -13,7 +13,7 @@ from symoden.data._errors import DataError, listing, nearest
 _LOGGER = logging.getLogger(__name__)
 _VARIABLE = "SYMODEN_DATA"
 _WILD: Final = re.compile(r"\*\*/|\*|\?|\[[^]]+\]")
-_REGEX: Final = {"**/": ".*", "*": "[^/]*", "?": "[^/]"}  # Those in brackets are the same in both languages.
+_REGEX: Final = {"**/": ".*", "*": "[^/]*", "?": "[^/]"}  # Others are the same, but for `!`.
 
 
 def find_files(pattern: str, description: Path) -> tuple[Path, ...]:
@@ -130,9 +130,10 @@ def data_directories(description: Path) -> tuple[Path, ...]:
 
 def _stood_for(pattern: str, file: Path) -> tuple[str, ...]:
     """What the stars of a pattern stand for in the name of a file that it matches."""
-    parts, stars = _WILD.split(pattern), _WILD.findall(pattern)
+    parts = _WILD.split(pattern)
+    stars = [_REGEX.get(star, star.replace("[!", "[^", 1)) for star in _WILD.findall(pattern)]
     regex = re.escape(parts[0]) + "".join(
-        f"({_REGEX.get(star, star)}){re.escape(part)}" for star, part in zip(stars, parts[1:], strict=True)
+        f"({star}){re.escape(part)}" for star, part in zip(stars, parts[1:], strict=True)
     )
     match = re.search(f"(?:^|/){regex}$", file.as_posix())
     return () if match is None else match.groups()
