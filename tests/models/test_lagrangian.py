@@ -98,10 +98,13 @@ def test_the_derivative_by_the_state_is_that_of_plain_differentiation(model):
         close(lagrangian(model).linearize(x, u)[0], plain)
 
 
-@pytest.mark.parametrize("momenta", [False, True])
+@pytest.mark.parametrize("name", [*NAMES, "momenta"])
 @pytest.mark.parametrize("free", [False, True])
-def test_the_jacobian_of_a_window_is_that_of_plain_differentiation(model, momenta, free):
-    model = model if not momenta else build(LEARNED, Space.parse("R1 T2"), 2, momenta=True, key=jax.random.key(1))
+def test_the_jacobian_of_a_window_is_that_of_plain_differentiation(name, free, scrambled):
+    if name == "momenta":
+        model = build(LEARNED, Space.parse("R1 T2"), 2, momenta=True, key=jax.random.key(1))
+    else:
+        model = scrambled(made(name), 1, 0.3)
     generator = np.random.default_rng(2)
     ts = jnp.asarray(np.cumsum(generator.uniform(0.01, 0.03, 5)))
     q, rates, us = (jnp.asarray(generator.normal(size=(5, k))) for k in (3, 3, 2))
