@@ -172,6 +172,20 @@ def test_one_recording_that_is_predicted_worse_than_not_at_all_is_named(error, m
     assert not named or words.startswith("over 1 s predictions of `cm` are off by 0.01 where positions move 0.001, in")
 
 
+@pytest.mark.parametrize(
+    ("errors", "motion", "named"),
+    [((0.12, 0.13), 0.08, True), ((0.12, 0.05), 0.1, False), ((0.02, 0.03), 0.01, False)],
+)
+def test_test_recordings_that_together_are_predicted_worse_than_not_at_all_are_named(errors, motion, named):
+    """Not where those of training are predicted well, and the machine hardly moves in those for testing."""
+    seen = [recording(error, 0.3, f"seen {k}") for k, error in enumerate((0.1, 0.08, 0.03))]
+    tests = [dataclasses.replace(recording(e, motion, f"new {k}"), split="test") for k, e in enumerate(errors)]
+    words = poor([*seen, *tests])
+    assert bool(words) == named
+    assert not named or words.startswith("over 1 s predictions of `new 1`, `new 0` are off by 0.12")
+    assert not named or "worse than standing still. The others" in words
+
+
 def test_recordings_of_one_name_are_told_apart_by_their_parts():
     good, bad = recording(0.05, 1.0), dataclasses.replace(recording(1.0, 1.0), split="test")
     other = recording(1.0, 1.0, "other")

@@ -138,7 +138,8 @@ def poor(recordings: Sequence[RecordingScore], *, among: Sequence[RecordingScore
         worst = [each for each in worst if each.in_motion.error > max(_POOR * _guess(each), least)]
     else:
         far = math.inf if len(long) < _SEVERAL else _TIMES * statistics.median(each.in_motion.error for each in long)
-        worst = [each for each in worst if each.in_motion.error > max(_guess(each), far)]
+        lost = _lost_tests(long)
+        worst = [each for each in worst if each.in_motion.error > max(_guess(each), 0.0 if each in lost else far)]
     if not worst:
         return ""
     some = len(worst) < len(long)
@@ -166,6 +167,14 @@ def poor(recordings: Sequence[RecordingScore], *, among: Sequence[RecordingScore
         "off: `symoden data check` cannot see all of that. So does too little motion to learn from, or to judge by: "
         "record more, name `[validation]` recordings, or leave less to learn, by `cyclic` what nothing depends on."
     )
+
+
+def _lost_tests(recordings: Sequence[RecordingScore]) -> list[RecordingScore]:
+    """The test recordings, if together they are predicted worse than by a guess, by as much as training ones move."""
+    tests, others = ([each for each in recordings if (each.split == "test") is tested] for tested in (True, False))
+    error, guess = (sum(map(of, tests)) for of in (lambda each: each.in_motion.error, _guess))
+    usual = statistics.fmean(map(_guess, others)) if others else 0.0
+    return tests if error > guess and error > _SLIGHT * usual * len(tests) else []
 
 
 def diverging(recordings: Sequence[RecordingScore]) -> str:

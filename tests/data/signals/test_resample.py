@@ -82,6 +82,13 @@ def test_the_impulse_of_a_held_input_is_kept(seed, dt):
     np.testing.assert_allclose(dt * new.us.sum(axis=0), (lengths[:, None] * u).sum(axis=0), atol=1e-9)
 
 
+@given(seed=st.integers(0, 1000), dt=st.floats(0.0007, 0.05), level=st.floats(-2e3, 2e3))
+def test_a_held_input_that_never_changes_stays_what_it_is(seed, dt, level):
+    """Its rounding would be taken for a motion of its own."""
+    ts = uneven(seed)
+    assert set(resample(recording(ts, ts, np.full((len(ts), 1), level)), dt).us[:, 0]) == {level}
+
+
 def test_a_held_step_is_felt_from_its_own_time_stamp_on():
     ts = 0.1 * np.arange(11)
     new = resample(recording(ts, ts, (ts >= 0.5 - 1e-9)[:, None].astype(float)), 0.2)

@@ -110,7 +110,8 @@ def held_mean(ts: Times, signals: Inputs, at: np.ndarray, width: float | np.ndar
     knots = np.append(ts, end)
     area = np.zeros((len(knots), signals.shape[1]))
     np.cumsum(np.diff(knots)[:, None] * signals, axis=0, out=area[1:])
-    return (_interpolated(knots, area, at + widths[:, 0]) - _interpolated(knots, area, at)) / widths
+    means = (_interpolated(knots, area, at + widths[:, 0]) - _interpolated(knots, area, at)) / widths
+    return np.clip(means, signals.min(axis=0), signals.max(axis=0))  # An input that never changes has no rounding.
 
 
 def _interpolated(ts: np.ndarray, signals: np.ndarray, at: np.ndarray) -> np.ndarray:
