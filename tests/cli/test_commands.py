@@ -93,7 +93,7 @@ def test_how_training_went_goes_with_what_came_of_it(arm, tmp_path, capsys):
     assert answer(capsys, "inspect", run)["training"] == asdict(trained) | {"hardly_judged": ["friction"]}
     assert main(["inspect", str(run)]) == 0
     printed = capsys.readouterr().out
-    hardly = "  hardly any windows of validation refused friction: longer or more"
+    hardly = "  by very few windows of validation, which hardly tell, training refused friction: longer or more"
     assert f"\ntraining\n  {outcome}, after 61 s\n  friction: {verdict}\n{hardly}" in printed
     page = tmp_path / "page.html"
     assert main(["report", str(run), "--out", str(page)]) == 0

@@ -49,8 +49,8 @@ def hardly_judged(stages: Sequence[str]) -> str:
     if not stages:
         return ""
     return (
-        f"hardly any windows of validation refused {', '.join(stages)}: longer or more recordings, or `[validation]` "
-        "ones that move, can tell whether the mechanism has more to it"
+        f"by very few windows of validation, which hardly tell, training refused {', '.join(stages)}: longer or more "
+        "recordings, or `[validation]` ones that move, can tell whether the mechanism has more to it"
     )
 
 

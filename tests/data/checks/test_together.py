@@ -5,7 +5,7 @@ import pytest
 
 from symoden import KnownParts
 from symoden.data import Dataset, Trajectory, check_dataset
-from symoden.data.checks import find_untold_inputs
+from symoden.data.checks import find_tied_positions, find_untold_inputs
 
 STEP, ROWS = 0.01, 200
 
@@ -35,7 +35,8 @@ def test_inputs_that_change_together_are_named_with_in_how_many_ways():
     (finding,) = found(*constants, log("c", 300 * noise(0) * np.ones(4)), input_names=("3", "4", "5", "6"))
     assert (finding.kind, finding.level, finding.channel) == ("together", "warning", "")
     assert finding.text == (
-        "in [train] `3`, `4`, `5`, `6` change together within files, in 1 of 4 ways: what each of them does is not told"
+        "in [train] `3`, `4`, `5`, `6` change together within files, as if they were 1 input: what each of them does "
+        "is not told"
     )
     assert finding.advice.startswith("Record motions in which these inputs change one after another, or give `input_m")
 
@@ -44,7 +45,7 @@ def test_inputs_of_which_two_are_one_are_named_and_others_are_not():
     us = noise(1, 3)
     us[:, 2] = 1e-3 * (us[:, 0] + 1e-3 * us[:, 2])
     (finding,) = found(log("a", us))
-    assert finding.text.startswith("in [train] `u1`, `u3` change together within files, in 1 of 2 ways: ")
+    assert finding.text.startswith("in [train] `u1`, `u3` change together within files, as if they were 1 input: ")
     us[:, 2] += 1e-4 * noise(2)[:, 0]
     assert found(log("a", us)) == []
 
@@ -99,3 +100,27 @@ def test_the_check_says_it():
     tables = {"run": {"t": ts, "q": np.sin(ts), "a": u, "b": 2 * u}}
     (finding,) = [one for one in check_dataset(said, tables=tables).findings if one.kind == "together"]
     assert "`a`, `b` change together" in finding.text
+
+
+def moving(*positions):
+    ts = STEP * np.arange(ROWS)
+    q = np.stack(positions, axis=1)
+    return Trajectory(name="a", ts=ts, q=q, rates=np.gradient(q, STEP, axis=0), us=np.zeros((ROWS, 0)))
+
+
+@pytest.mark.parametrize(("apart", "named"), [(1e-3, True), (0.05, False)])
+def test_positions_that_follow_one_path_are_noted(apart, named):
+    ts = STEP * np.arange(ROWS)
+    path, other = np.sin(3 * ts), np.cos(7 * ts)
+    tied = 0.3 - 2 * path + apart * np.sin(11 * ts)
+    findings = find_tied_positions(Dataset(name="d", space="T3", train=(moving(path, other, tied),)))
+    assert bool(findings) == named
+    for finding in findings:
+        assert (finding.kind, finding.level) == ("together", "note")
+        assert finding.text.startswith("in [train] `q1`, `q3` move together, as if they were 1 joint: ")
+
+
+def test_joints_that_stand_still_are_not_taken_for_tied_ones():
+    ts = STEP * np.arange(ROWS)
+    assert not find_tied_positions(Dataset(name="d", space="T2", train=(moving(np.sin(ts), np.full(ROWS, 0.5)),)))
+    assert not find_tied_positions(Dataset(name="d", space="T1", train=(moving(np.sin(ts)),)))

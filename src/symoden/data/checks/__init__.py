@@ -10,7 +10,7 @@ from ._pace import (
     find_slow_sampling as find_slow_sampling,
 )
 from ._survey import survey as survey
-from ._together import find_untold_inputs as find_untold_inputs
+from ._together import find_tied_positions as find_tied_positions, find_untold_inputs as find_untold_inputs
 from ._unread import find_unread_inputs as find_unread_inputs
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "find_merged",
     "find_short",
     "find_slow_sampling",
+    "find_tied_positions",
     "find_unread_inputs",
     "find_untold_inputs",
     "is_idle",

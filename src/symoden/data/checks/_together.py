@@ -1,4 +1,4 @@
-"""Inputs that never change while a file lasts, or that change together."""
+"""Inputs that never change while a file lasts, and inputs or positions that change together."""
 
 from typing import Final
 
@@ -14,7 +14,8 @@ _ENDS: Final = 2  # First and last rows of a file, in which inputs are switched 
 _NOTHING: Final = 1e-9  # Of an input's size: errors of floats.
 _TOGETHER: Final = 1e-2  # Singular value beside the largest one, of inputs of one size, up to which nothing is told.
 _PART: Final = 0.1  # Of directions that are not told: inputs that have no more of them are told but for that.
-_NAMED: Final = 6  # Inputs.
+_NAMED: Final = 6  # Inputs or positions.
+_SEVERAL: Final = 2  # Of one position nothing can be tied to another.
 
 
 def find_untold_inputs(dataset: Dataset) -> list[Finding]:
@@ -51,7 +52,7 @@ def find_untold_inputs(dataset: Dataset) -> list[Finding]:
 def _finding(names: list[str], ways: int, *, told: bool) -> Finding:
     """What to say of inputs that change in fewer ways than they are, and whether comparing files tells them apart."""
     one, listed = len(names) == 1, first_few((f"`{name}`" for name in names), _NAMED)
-    how = f"change together within files, in {ways} of {len(names)} ways"
+    how = f"change together within files, as if they were {ways} input{'s' * (ways > 1)}"
     if not ways:
         how = f"never {'changes' if one else 'change'} within a file"
     record = f"ecord motions in which {'this input changes' if one else 'these inputs change one after another'}"
@@ -64,6 +65,38 @@ def _finding(names: list[str], ways: int, *, told: bool) -> Finding:
         + ("told by comparing files alone" if told else "not told"),
         advice=f"{begin}{record}, or give `input_matrix` if it is known.",
     )
+
+
+def find_tied_positions(dataset: Dataset) -> list[Finding]:
+    """Say which positions of the training files go together, as where joints follow one path.
+
+    Args:
+        dataset: Recordings as training sees them.
+
+    Returns:
+        One finding, or none.
+    """
+    q = np.concatenate([each.q for each in dataset.train] or [np.zeros((0, 1))])
+    moves = np.ptp(q, axis=0) > _NOTHING * np.abs(q).max(axis=0, initial=1.0)
+    if len(q) <= q.shape[1] or np.count_nonzero(moves) < _SEVERAL:
+        return []
+    shape = (q - q.mean(axis=0))[:, moves] / q[:, moves].std(axis=0)
+    apart, part_of = _untold(shape, float(np.linalg.norm(shape, 2)))
+    if not apart:
+        return []
+    names = [dataset.position_names[i] for i in np.flatnonzero(moves)[part_of]]
+    ways = len(names) - apart
+    return [
+        Finding(
+            kind="together",
+            level="note",
+            channel="",
+            text=f"in [train] {first_few((f'`{name}`' for name in names), _NAMED)} move together, as if they were "
+            f"{ways} joint{'s' * (ways > 1)}: what inertia, energy and friction are beside that path is not told",
+            advice="Nothing need be done if they are to be predicted along it alone. Else record motions in which they "
+            "move one after another, or give what is known (`robot`, [known]).",
+        )
+    ]
 
 
 def _files(dataset: Dataset) -> list[Float[np.ndarray, "T m"]]:
