@@ -31,7 +31,7 @@ def test_friction_that_learned_priors_set_free_is_named(stage, monkeypatch):
         assert str(report.verdict).endswith("; frees friction's laws too, under learned priors)") == named
 
 
-@pytest.mark.parametrize(("windows", "words"), [(1, " of 1 window"), (4, " of 4 windows"), (5, "")])
+@pytest.mark.parametrize(("windows", "words"), [(2, " of 2 windows"), (4, " of 4 windows"), (5, "")])
 def test_verdicts_of_few_windows_say_how_many(windows, words):
     verdict = Verdict(Judge.VALIDATION, 0.2, 0.3, windows, gained=0.9, wanted=1.64)
     told = f"(validation loss 0.2, before 0.3: +0.90 standard errors{words}, more than +1.64 wanted)"
@@ -45,8 +45,9 @@ def test_one_window_keeps_what_must_not_lose_if_its_loss_is_no_larger():
         assert verdict.kept == (loss <= 1)
         assert verdict._replace(windows=2).kept  # By less than a standard error.
         assert not verdict._replace(wanted=0.0).kept  # It cannot say that anything is gained.
-    told = "(validation loss 1.1, before 1: +0.00 standard errors of 1 window, whose loss must not be larger)"
-    assert str(verdict) == f"not kept {told}"
+    assert str(verdict) == "not kept (validation loss 1.1, before 1: one window, whose loss must not be larger)"
+    asked = str(verdict._replace(loss=0.9, wanted=1.0))
+    assert asked == "not kept (validation loss 0.9, before 1: one window, which has no standard error)"
     assert verdict._replace(loss=2.0, moved=False).kept  # The model is the one before, the loss that of another.
 
 

@@ -140,11 +140,11 @@ class Verdict(NamedTuple):
             if not math.isfinite(self.loss + self.before):
                 return f"rollouts diverge in {'fewer' if self.gained > 0 else 'no fewer'} windows"
             return "a tenth or less" if self.gained > 0 else "tenfold or more"
-        of = f" of {self.windows} window{'' if self.windows == 1 else 's'}" if self._by_few else ""
+        if self._by_few and self.windows == 1:
+            return f"one window, {'whose loss must not be larger' if self._alone else 'which has no standard error'}"
+        of = f" of {self.windows} windows" if self._by_few else ""
         bound = f"more than {self.wanted:+.3g} wanted"
-        if self._alone:
-            bound = "whose loss must not be larger"
-        elif self._is_lost:
+        if self._is_lost:
             bound = f"which hardly tell, but {LOST:g} times as much or more"
         return f"{round(self.gained, 2) + 0.0:+.2f} standard errors{of}, {bound}"
 
