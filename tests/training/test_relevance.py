@@ -181,23 +181,6 @@ def test_priors_are_as_wide_as_laws_of_friction_that_training_begins_with(small,
     assert eqx.tree_equal(*others)
 
 
-def test_where_few_windows_judge_an_excess_of_friction_must_show_that_it_is_needed(small):
-    model: Any = build(dataclasses.replace(small, knees=(0.1, 0.3)), Space.parse("T2"), 2, key=jax.random.key(0))
-    found, usual = (Relevance.start(model, 2.0, few=few).precision for few in (True, False))
-    (precision,) = jax.tree.leaves(found.friction.laws)
-    assert precision.reshape(2, 5).tolist() == [[2.0, 2.0, 1e4, 1e4, 2.0]] * 2
-    for speed in (0.01, 1.0):  # These are they: 1 / (1 + (w / knee)²).
-        w = speed / np.asarray(model.friction.speed.array)
-        excess = sum(1 / (1 + (w / knee) ** 2) for knee in (0.1, 0.3))
-        laws = jax.tree.map(lambda x: jnp.where(precision > 2.0, 1.0, 0.0), model.friction.laws)
-        law = dataclasses.replace(model.friction, laws=laws)
-        q, v = jnp.zeros(2), jnp.full(2, speed)
-        added = jnp.diag(law(q, v) - model.friction(q, v)) / np.asarray(model.friction.scale.array) ** 2
-        assert np.asarray(added) == pytest.approx(excess, rel=1e-5)
-    others = (eqx.tree_at(lambda tree: tree.friction.laws, tree, None) for tree in (found, usual))
-    assert eqx.tree_equal(*others)
-
-
 @pytest.mark.parametrize("prior", [0.0, 2.0])
 def test_only_what_is_free_learns_and_guesses_of_a_user_stay_as_they_are(small, prior):
     known = KnownParts(potential_energy="w*cos(q1)", parameters={"w": 2.0})

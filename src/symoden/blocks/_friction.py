@@ -6,8 +6,7 @@ from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from symoden.shapes import Coordinates, DissipationMatrix, Velocities
 
@@ -84,18 +83,6 @@ class JointFriction(AbstractFriction):
     def shapes(knees: tuple[float, ...]) -> int:
         """Number of coefficients of each joint's law."""
         return 2 * len(knees) + 1
-
-    def are_excess(self, size: int) -> Bool[np.ndarray, " K"]:
-        """Which coefficients of the laws are those of an excess at low speed (Stribeck).
-
-        Args:
-            size: Number of coefficients, joint by joint.
-
-        Returns:
-            Whether each is.
-        """
-        count = len(self.knees)
-        return np.tile(np.repeat([False, True, False], [count, count, 1]), size // self.shapes(self.knees))
 
     def __call__(self, q: Coordinates, v: Velocities) -> DissipationMatrix:
         """Matrix at the configuration `q` and the velocity `v`."""

@@ -138,8 +138,8 @@ def poor(recordings: Sequence[RecordingScore], *, among: Sequence[RecordingScore
         worst = [each for each in worst if each.in_motion.error > max(_POOR * _guess(each), least)]
     else:
         far = math.inf if len(long) < _SEVERAL else _TIMES * statistics.median(each.in_motion.error for each in long)
-        lost = _lost_tests(long)
-        worst = [each for each in worst if each.in_motion.error > max(_guess(each), 0.0 if each in lost else far)]
+        tests = _worse_tests(long)
+        worst = [each for each in worst if each.in_motion.error > max(_guess(each), 0.0 if each in tests else far)]
     if not worst:
         return ""
     some = len(worst) < len(long)
@@ -169,7 +169,7 @@ def poor(recordings: Sequence[RecordingScore], *, among: Sequence[RecordingScore
     )
 
 
-def _lost_tests(recordings: Sequence[RecordingScore]) -> list[RecordingScore]:
+def _worse_tests(recordings: Sequence[RecordingScore]) -> list[RecordingScore]:
     """The test recordings, if together they are predicted worse than by a guess, by as much as training ones move."""
     tests, others = ([each for each in recordings if (each.split == "test") is tested] for tested in (True, False))
     error, guess = (sum(map(of, tests)) for of in (lambda each: each.in_motion.error, _guess))

@@ -114,7 +114,7 @@ class LevenbergStage(AbstractStage):
             loss = evaluate_loss(held, self.objective(state.substeps, weighing), self.data.choosing)
         if not self._needless(state._replace(best_loss=loss)):
             weighing, loss = self._weighed(best, state)
-        fresh = Relevance.start(best, self.config.prior, few=self.data.in_turn or self.data.hardly_validated)
+        fresh = Relevance.start(best, self.config.prior)
         priors = fresh if self.widens else remembered(self.begins.memory(state), fresh)
         priors = priors.opened(self.config.prior) if self.margin is None else priors
         if self.learns:  # Beside the residuals of these windows.

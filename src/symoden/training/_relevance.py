@@ -1,6 +1,5 @@
 """Automatic relevance determination: every group of parameters has a prior of its own, as wide as the data want it."""
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
@@ -13,7 +12,7 @@ import scipy.linalg
 from jaxtyping import Array, Float, Int, PyTree
 from threadpoolctl import threadpool_limits
 
-from symoden.blocks import FRICTION, Correction, JointFriction, trainable
+from symoden.blocks import FRICTION, Correction, trainable
 from symoden.models import StructuredModel, parts_that_fix_the_scale
 
 from ._gauss_newton import NormalEquations
@@ -44,20 +43,15 @@ class Relevance(NamedTuple):
     evidence: Float[Array, ""]
 
     @classmethod
-    def start(cls, model: PyTree, prior: float, *, few: bool = False) -> "Relevance":
+    def start(cls, model: PyTree, prior: float) -> "Relevance":
         """Priors of equal width before anything is known, but as wide as the laws of friction that the model has.
 
         At a narrow knee a law of usual force has a coefficient of a hundred. Pulled at as if it were of the order of 1,
         one that was guessed would be undone before priors are learned, and one that was learned seem far too certain.
 
-        Differences of friction's excesses at low speed (Stribeck) fit as well as dry friction where joints move fast,
-        and hold nothing that hardly moves. Few windows do not tell these apart: then an excess begins with a narrow
-        prior.
-
         Args:
             model: Model.
             prior: Precision of each.
-            few: Whether there are few windows to judge by.
 
         Returns:
             The priors.
@@ -69,8 +63,6 @@ class Relevance(NamedTuple):
 
         free = eqx.filter(model, trainable(model))
         precision = jax.tree.map(precision, free, is_leaf=lambda node: isinstance(node, Correction))
-        if few:
-            precision = jax.tree.map(_without_excess, precision, is_leaf=lambda node: isinstance(node, JointFriction))
         return cls(precision, jnp.zeros((), float), jnp.full((), -jnp.inf, float))
 
     def unrecorded(self) -> "Relevance":
@@ -205,14 +197,6 @@ class Relevance(NamedTuple):
         evidence -= (equations.loss * count + (pull - gradient) @ theta) / 2
         found = eqx.combine(learned, rest)
         return Relevance(found, jnp.asarray(variance, float), jnp.asarray(evidence, float))
-
-
-def _without_excess(node: PyTree) -> PyTree:
-    """Precisions, of friction those of its excess at low speed narrow."""
-    if not isinstance(node, JointFriction):
-        return node
-    laws = jax.tree.map(lambda x: jnp.where(node.are_excess(x.size), jnp.maximum(x, _NARROW), x), node.laws)
-    return dataclasses.replace(node, laws=laws)
 
 
 def remembered(memory: PyTree, fresh: Relevance) -> Relevance:

@@ -124,3 +124,23 @@ def test_joints_that_stand_still_are_not_taken_for_tied_ones():
     ts = STEP * np.arange(ROWS)
     assert not find_tied_positions(Dataset(name="d", space="T2", train=(moving(np.sin(ts), np.full(ROWS, 0.5)),)))
     assert not find_tied_positions(Dataset(name="d", space="T1", train=(moving(np.sin(ts)),)))
+
+
+def test_joints_that_turn_on_and_are_apart_by_half_a_radian_are_not_tied():
+    ts = STEP * np.arange(ROWS)
+    wound = moving(25 * ts + 0.5 * np.cos(7 * ts), -50 * ts + 0.5 * np.sin(5 * ts))
+    assert not find_tied_positions(Dataset(name="d", space="T2", train=(wound,)))
+
+
+def test_where_one_file_tells_joints_apart_they_are_not_tied():
+    ts = STEP * np.arange(ROWS)
+    far, near = (moving(s * np.sin(3 * ts), s * np.sin(3 * ts) + a * np.cos(ts)) for s, a in ((100, 0), (1, 1)))
+    assert find_tied_positions(Dataset(name="d", space="R2", train=(far,)))
+    assert not find_tied_positions(Dataset(name="d", space="R2", train=(far, near)))
+
+
+def test_where_inertia_and_energy_are_given_nothing_is_untold():
+    ts = STEP * np.arange(ROWS)
+    known = KnownParts(mass_matrix=[["1", "0"], ["0", "1"]], potential_energy="0")
+    dataset = Dataset(name="d", space="T2", train=(moving(np.sin(ts), np.sin(ts)),), known=known)
+    assert not find_tied_positions(dataset)

@@ -1,12 +1,13 @@
 """Recordings whose columns are in several files, which are joined."""
 
 import gzip
+import warnings
 
 import numpy as np
 import polars as pl
 import pytest
 
-from symoden.data import DataError, DataWarning, read_dataset
+from symoden.data import DataError, DataWarning, check_dataset, read_dataset
 
 HEAD = """
 space = "T2"
@@ -179,3 +180,91 @@ def test_tables_in_memory_are_not_joined():
     }
     with pytest.raises(DataError, match=r"tables in memory are not.*pandas\.merge"):
         read_dataset(description, tables={"one": frame, "other": frame})
+
+
+@pytest.mark.parametrize("where", ["./run*", "run?", "run[0-9]", "run[!x^]", "**/run*"])
+def test_whatever_is_left_open_in_a_pattern_tells_pairs(described, where):
+    assert_read(changed(described, ("run*", where)))
+
+
+def test_a_path_below_a_folder_of_any_name(described):
+    q, tau = (described.parent / name for name in ("q[1].csv", "tau.csv"))
+    written(q, motion(1), t=TS)
+    written(tau, torques(TS, 1), t=TS)
+    recording = read_dataset(changed(described, ("run*/q.csv", q.name), ("run*/tau.csv", str(tau)))).train[0]
+    np.testing.assert_array_equal(recording.us, torques(TS, 1))
+
+
+def test_recordings_that_share_a_file_are_two(described):
+    one = '{ tau = "run1/tau.csv", q = "run1/q.csv" }, { tau = "run1/tau.csv", q = "run2/q.csv" }'
+    first, second = read_dataset(changed(described, ('{ q = "run*/q.csv", tau = "run*/tau.csv" }', one))).train
+    assert {first.name, second.name} == {"tau+q", "tau+run2-q"}
+    np.testing.assert_array_equal(first.q, motion(1))
+    np.testing.assert_array_equal(second.q, motion(2))
+
+
+@pytest.mark.parametrize("time", ['time = "q.t"', "dt = 0.01"])
+def test_times_are_none_of_all_columns(described, time):
+    assert_read(changed(described, ('time = "t"', time), ('["tau.1st", "tau.2nd"]', '"tau"')))
+
+
+def test_a_column_of_a_formula_is_one_of_all_nevertheless(described):
+    summed = ("[train]", 'formulas = { sum = "`q.2nd` + 0 * `tau.2nd`" }\n[train]')
+    assert_read(changed(described, summed, ('"q.2nd"', '"sum"'), ('["tau.1st", "tau.2nd"]', '"tau"')))
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_words_tell_recordings_apart(described, own):
+    labels = np.repeat(["up", "down"], SAMPLES // 2)
+    for run in (1, 2):
+        path = described.parent / f"run{run}" / "q.csv"
+        pl.read_csv(path).with_columns(pl.Series("which", labels)).write_csv(path)
+        if own:
+            ts = TS + 0.001
+            written(described.parent / f"run{run}" / "tau.csv", torques(ts, run), t=ts)
+    changed(described, ('["q.1st", "q.2nd"]', '"q"'), ("[train]", 'recording = "q.which"\nhold = "linear"\n[train]'))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataWarning)
+        names = [each.name for each in read_dataset(described).train]
+    assert names[:2] == ["run1-q+tau-up", "run1-q+tau-down"]
+
+
+def test_units_below_names_are_compared_with_how_they_are_read(described):
+    path = described.parent / "run1" / "q.csv"
+    path.write_text(path.read_text().replace("\n", "\ns,deg,deg\n", 1))
+    assert any("says deg" in each.text for one in check_dataset(described).recordings for each in one.findings)
+
+
+def test_names_that_end_as_those_of_tables_of_text(described):
+    for run in (1, 2):
+        folder = described.parent / f"run{run}"
+        (folder / "tau.csv").rename(folder / "tau.txt.csv")
+    assert_names = [each.name for each in read_dataset(changed(described, ("tau.csv", "tau.txt.csv"))).train]
+    assert assert_names == ["run1-q+tau_txt", "run2-q+tau_txt"]
+    assert not check_dataset(described).refused
+
+
+def test_a_time_stamp_that_one_file_lacks_is_that_of_the_other(described):
+    for run in (1, 2):
+        ts = TS + 1e-9
+        ts[[5, 60]] = np.nan
+        written(described.parent / f"run{run}" / "tau.csv", torques(TS, run), t=ts)
+    assert_read(described)
+
+
+@pytest.mark.parametrize("name", ["t", "q.1", "q[0]"])
+def test_names_of_files_that_cannot_be_told_from_columns_are_refused(described, name):
+    with pytest.raises(DataError, match=r"must not be called as|letters, digits and underscores"):
+        read_dataset(
+            changed(described, ("{ q =", f'{{ "{name}" ='), ("q.1st", f"{name}.1st"), ("q.2nd", f"{name}.2nd"))
+        )
+
+
+def test_a_word_in_a_file_with_times_of_its_own_is_named_in_its_line(described):
+    path = described.parent / "run1" / "tau.csv"
+    written(path, torques(TS + 0.001, 1), t=TS + 0.001)
+    lines = path.read_text().splitlines()
+    lines[10] = lines[10].rpartition(",")[0] + ",abc"
+    path.write_text("\n".join(lines))
+    with pytest.raises(DataError, match=r"run1/tau\.csv`: column `2nd`, line 11 \(row 9\).*'abc'"):
+        read_dataset(described)

@@ -15,6 +15,7 @@ _NOTHING: Final = 1e-9  # Of an input's size: errors of floats.
 _TOGETHER: Final = 1e-2  # Singular value beside the largest one, of inputs of one size, up to which nothing is told.
 _PART: Final = 0.1  # Of directions that are not told: inputs that have no more of them are told but for that.
 _NAMED: Final = 6  # Inputs or positions.
+_TURN: Final = 2 * np.pi  # Beyond which a motion of more does not hide how far joints are apart [rad].
 _SEVERAL: Final = 2  # Of one position nothing can be tied to another.
 
 
@@ -76,13 +77,17 @@ def find_tied_positions(dataset: Dataset) -> list[Finding]:
     Returns:
         One finding, or none.
     """
-    q = np.concatenate([each.q for each in dataset.train] or [np.zeros((0, 1))])
-    moves = np.ptp(q, axis=0) > _NOTHING * np.abs(q).max(axis=0, initial=1.0)
-    if len(q) <= q.shape[1] or np.count_nonzero(moves) < _SEVERAL:
+    known = dataset.known
+    given = known is not None and {"mass_matrix", "potential_energy"} <= set(known.fixed)
+    every = [each.q - each.q.mean(axis=0) for each in dataset.train if len(each) > each.q.shape[1]]
+    if given or not every or every[0].shape[1] < _SEVERAL:
         return []
-    shape = (q - q.mean(axis=0))[:, moves] / q[:, moves].std(axis=0)
-    apart, part_of = _untold(shape, float(np.linalg.norm(shape, 2)))
-    if not apart:
+    q = np.concatenate(every)
+    moves = np.ptp(q, axis=0) > _NOTHING
+    if np.count_nonzero(moves) < _SEVERAL:
+        return []
+    apart, part_of = _tied(q[:, moves])
+    if not apart or not all(_tied(each[:, moves])[0] for each in every):
         return []
     names = [dataset.position_names[i] for i in np.flatnonzero(moves)[part_of]]
     ways = len(names) - apart
@@ -97,6 +102,13 @@ def find_tied_positions(dataset: Dataset) -> list[Finding]:
             "move one after another, or give what is known (`robot`, [known]).",
         )
     ]
+
+
+def _tied(q: Float[np.ndarray, "T n"]) -> tuple[int, Bool[np.ndarray, " n"]]:
+    """In how many directions positions do not move, and which have a part in these."""
+    # Joints that turn on and on are apart by as much as others, though by little beside all that they turn.
+    size = np.clip(q.std(axis=0), np.finfo(float).tiny, _TURN)
+    return _untold(q / size, float(np.sqrt(len(q))))
 
 
 def _files(dataset: Dataset) -> list[Float[np.ndarray, "T m"]]:

@@ -13,7 +13,8 @@ from symoden.data._errors import DataError, listing, nearest
 _LOGGER = logging.getLogger(__name__)
 _VARIABLE = "SYMODEN_DATA"
 _WILD: Final = re.compile(r"\*\*/|\*|\?|\[[^]]+\]")
-_REGEX: Final = {"**/": ".*", "*": "[^/]*", "?": "[^/]"}  # Others are the same, but for `!`.
+_REGEX: Final = {"**/": "(?:.*/)?", "*": "[^/]*", "?": "[^/]"}
+_SPECIAL: Final = re.compile(r"[\\^\[\]&~|]")  # In brackets, to regular expressions alone.
 
 
 def find_files(pattern: str, description: Path) -> tuple[Path, ...]:
@@ -32,6 +33,11 @@ def find_files(pattern: str, description: Path) -> tuple[Path, ...]:
     Raises:
         DataError: If it matches no file.
     """
+    return tuple(path for path, _ in _found(pattern, description))
+
+
+def _found(pattern: str, description: Path) -> list[tuple[Path, tuple[str, ...]]]:
+    """Files that a name or a pattern means, sorted by name, and what its stars stand for; of a name nothing does."""
     expanded = Path(pattern).expanduser()
     if expanded.is_absolute():
         folders = [Path(expanded.anchor)]
@@ -44,7 +50,7 @@ def find_files(pattern: str, description: Path) -> tuple[Path, ...]:
         paths = [exact] if exact.is_file() else _globbed(folder, relative, description)
         if paths:
             _LOGGER.info("%s: `%s` is %d file(s) in %s", description, pattern, len(paths), folder)
-            return tuple(paths)
+            return [(path, () if path == exact else _stood_for(relative, path, folder)) for path in paths]
     raise DataError(
         f"`{description}`: no file matches `{pattern}`; looked in {', '.join(f'`{folder}`' for folder in folders)}. "
         f"Correct `files`, or name the folder of the data by the environment variable {_VARIABLE}."
@@ -64,17 +70,13 @@ def find_joined(patterns: Mapping[str, str], description: Path) -> tuple[dict[st
     Raises:
         DataError: If a pattern matches no file, two of them have another number of stars, or a file lacks another's.
     """
-    wild = {name: len(_WILD.findall(pattern)) for name, pattern in patterns.items()}
-    if len(set(wild.values())) > 1:
+    found = {name: {key: path for path, key in _found(patterns[name], description)} for name in patterns}
+    if len({len(key) for files in found.values() for key in files}) > 1:
         stars = ", ".join(f"`{pattern}`" for pattern in patterns.values())
         raise DataError(
             f"`{description}`: patterns of files that are joined must have as many stars each, for the same texts; got "
             f'{stars}. Write for example `{{q = "run*/q.csv", tau = "run*/tau.csv"}}`.'
         )
-    found = {
-        name: {_stood_for(pattern, file): file for file in find_files(pattern, description)}
-        for name, pattern in patterns.items()
-    }
     first, *others = found.values()
     for name, files in found.items():
         for key in {key: file for each in others for key, file in each.items()} | first:
@@ -128,15 +130,23 @@ def data_directories(description: Path) -> tuple[Path, ...]:
     return (*([Path(named).expanduser()] if named else []), *above, cache / "symoden" / "data")
 
 
-def _stood_for(pattern: str, file: Path) -> tuple[str, ...]:
-    """What the stars of a pattern stand for in the name of a file that it matches."""
-    parts = _WILD.split(pattern)
-    stars = [_REGEX.get(star, star.replace("[!", "[^", 1)) for star in _WILD.findall(pattern)]
+def _stood_for(pattern: str, path: Path, folder: Path) -> tuple[str, ...]:
+    """What the stars of a pattern stand for in a path that it matches below a folder, and what else is left open."""
+    plain = Path(pattern).as_posix()
+    parts, stars = _WILD.split(plain), map(_as_regex, _WILD.findall(plain))
     regex = re.escape(parts[0]) + "".join(
         f"({star}){re.escape(part)}" for star, part in zip(stars, parts[1:], strict=True)
     )
-    match = re.search(f"(?:^|/){regex}$", file.as_posix())
-    return () if match is None else match.groups()
+    match = re.fullmatch(regex, path.relative_to(folder).as_posix())
+    return (path.as_posix(),) if match is None else match.groups()  # Nothing else has the same text.
+
+
+def _as_regex(star: str) -> str:
+    """What matches the same as a star, or another part of a pattern that leaves something open."""
+    if star in _REGEX:
+        return _REGEX[star]
+    opposite, listed = ("^", star[2:-1]) if star.startswith("[!") else ("", star[1:-1])
+    return "[" + opposite + _SPECIAL.sub(r"\\\g<0>", listed) + "]"
 
 
 def _globbed(folder: Path, pattern: str, description: Path) -> list[Path]:

@@ -89,7 +89,11 @@ def _files(description: Description, name: str, part: Part) -> tuple[_File | Unr
     for pattern in part.files:
         try:
             for file in _matches(pattern, description):
-                found.setdefault(description.whereabouts(file.path), file)
+                if found.setdefault(description.whereabouts(file.path), file) != file and file.joined is not None:
+                    raise DataError(
+                        f"`{description.path}`: files that are joined must differ by more than their endings; got "
+                        f"{listing(map(str, file.joined.values()))} beside others of these names. Rename them."
+                    )
         except DataError as error:
             named = Path(pattern if isinstance(pattern, str) else next(iter(pattern.values())))
             found[named] = Unreadable(part=name, name=stem_of(named) or str(named), path=named, error=error)
@@ -134,14 +138,17 @@ def _recordings_of(description: Description, name: str, file: _File | Unreadable
 def _table_of(file: _File, description: Description) -> Table | None:
     """What is in memory of a file, if something is."""
     if file.joined is not None:
-        names = [*names_in(description.selectors), *(each for f in description.formulas.values() for each in f.names)]
-        return join_tables(file.joined, time=description.time, wanted={*names, *map(variable_of, names)})
+        names = names_in(description.selectors)
+        parts = [each for formula in description.formulas.values() for each in formula.names]
+        whole = {variable_of(each) for each in (*names, *parts)} & set(file.joined)
+        wanted = {*names, *whole}
+        return join_tables(file.joined, time=description.time, recording=description.recording, wanted=wanted)
     return None if description.tables is None else description.tables[str(file.path)]
 
 
 def _read(file: _File, table: Table | None, description: Description, rows: slice) -> Rows:
     """What the description names of a file."""
-    return read_columns(
+    found = read_columns(
         file.path,
         description.selectors,
         rows,
@@ -149,6 +156,7 @@ def _read(file: _File, table: Table | None, description: Description, rows: slic
         formulas=description.formulas,
         table=table,
     )
+    return dataclasses.replace(found, files=file.joined or {})
 
 
 def _unknown(path: Path, part: Part, name: str, files: Sequence[_File | Unreadable]) -> Iterator[DataError]:

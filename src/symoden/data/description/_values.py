@@ -30,6 +30,7 @@ class VelocityEstimates(NamedTuple):
 PARTS: Final = ("train", "test", "validation")
 """Tables of a description that name files."""
 _ENDS: Final = 2  # Of an interval.
+_SEVERAL: Final = 2  # Files, at least, that are joined.
 
 
 def _fail(what: str) -> NoReturn:
@@ -64,9 +65,10 @@ def _files(value: object) -> tuple[str | dict[str, str], ...]:
 
 def _joined(value: dict[Any, Any]) -> dict[str, str]:
     """Names or patterns of files that are joined, by what they are called."""
-    fit = all(isinstance(file, str) and file and isinstance(name, str) and name for name, file in value.items())
-    if not fit or len(value) < _ENDS:
+    if len(value) < _SEVERAL or not all(isinstance(file, str) and file for file in value.values()):
         _fail('of two files or more that are joined, such as {q = "q_*.csv", tau = "tau_*.csv"}')
+    if not all(name.isidentifier() for name in value):  # A point is between it and the name of a column.
+        _fail("of files that are joined by names of letters, digits and underscores, such as q")
     return value
 
 

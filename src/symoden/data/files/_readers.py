@@ -3,7 +3,7 @@
 import dataclasses
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, NamedTuple, TypeAlias
 
@@ -66,6 +66,7 @@ class Rows:
         odd: Numbers that no machine has, of columns that formulas are made of.
         clocks: Columns of a table that count time, where none was asked for.
         drives: Columns of a table that are called as inputs are, where none was asked for.
+        files: Files that were joined, by what they are called in front of the names of their columns.
     """
 
     path: Path
@@ -78,6 +79,7 @@ class Rows:
     odd: tuple[OddNumbers, ...] = ()
     clocks: tuple[UnreadClock, ...] = ()
     drives: tuple[str, ...] = ()
+    files: Mapping[str, Path] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Number of rows."""

@@ -8,7 +8,6 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from symoden.data.description import Description, of_column, si_of, unit_said
-from symoden.data.files import units_below_names
 from symoden.data.signals import (
     Accuracy,
     Ratio,
@@ -140,7 +139,7 @@ def measure(log: Log, description: Description, is_angle: np.ndarray, left_out: 
     rates = None if log.rates is None else log.rates[rows]
     v = rates if description.momenta is None else None
     longest = longest_step(np.diff(ts), resample=description.resample)
-    ways, below = unwrapped(q, is_angle), units_below_names(log.path)
+    ways, below = unwrapped(q, is_angle), log.units_below_names
     names = {role: _titled(log, role, description.units, below) for role in log.signals}
     positions = tuple(
         dataclasses.replace(one, moving=_share_moving(ts, way, one.accuracy, longest))

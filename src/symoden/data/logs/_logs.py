@@ -20,7 +20,7 @@ from symoden.data.description import (
     split_unit,
     without_impossible,
 )
-from symoden.data.files import Rows, UnreadClock, place, stem_of
+from symoden.data.files import Rows, UnreadClock, place, stem_of, units_below_names
 
 
 class Left(NamedTuple):
@@ -138,6 +138,7 @@ class Log:
         bridges: Numbers of inputs that were missing or wrong, and bridged.
         clocks: Columns of its file that count time, where the description names none.
         drives: Columns of its file that are called as inputs are, where the description names none.
+        files: Files that were joined, by what they are called in front of the names of their columns.
     """
 
     part: str
@@ -158,6 +159,7 @@ class Log:
     bridges: tuple[Bridge, ...] = ()
     clocks: tuple[UnreadClock, ...] = ()
     drives: tuple[str, ...] = ()
+    files: Mapping[str, Path] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Number of rows T."""
@@ -179,6 +181,14 @@ class Log:
     def time_column(self) -> str:
         """Start of messages on the time stamps: the file and the column."""
         return f"`{self.path}`: column `{self.names['time'][0]}`" if "time" in self.names else f"`{self.path}`: `dt`"
+
+    @property
+    def units_below_names(self) -> dict[str, str]:
+        """Units that a line under the names of its columns says, as it is written."""
+        if not self.files:
+            return units_below_names(self.path)
+        below = {label: units_below_names(file) for label, file in self.files.items()}
+        return {f"{label}.{name}": unit for label, each in below.items() for name, unit in each.items()}
 
     def title(self, role: str, column: int) -> str:
         """Name of a column for a reader, with its SI unit where that is known.
@@ -331,6 +341,7 @@ def _log(part: str, name: str, rows: Rows, description: Description, is_angle: n
         repeats=repeats,
         clocks=rows.clocks,
         drives=rows.drives,
+        files=rows.files,
     )
 
 
