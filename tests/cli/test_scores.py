@@ -211,6 +211,16 @@ def test_of_many_coordinates_the_worst_are_named(missing):
     names = ("waist", "shoulder", "elbow", "forearm", "wrist")
     errors = (math.nan,) * 5 if missing else (0.01, 0.02, 0.03, 0.34, 0.49)
     table = _recordings([dataclasses.replace(recording(0.1, 1.0), coordinates=errors)], ("rad",) * 5, names)
-    assert table.columns[-1] == "1 s, worst"
-    assert table.rows[0][-1] == ("-" if missing else "wrist 0.49, forearm 0.34")
+    assert table.columns[-2:] == ("1 s, worst", "whole")
+    assert table.rows[0][-2] == ("-" if missing else "wrist 0.49, forearm 0.34")
     assert "worst" not in " ".join(_recordings([], ("rad",) * 4, names[:4]).columns)
+
+
+@pytest.mark.parametrize(("units", "whole"), [(("m", "rad"), {"whole, x": 0.3, "whole, pole": 0.4}), (("rad",) * 2, {})])
+def test_rollouts_are_scored_by_coordinates_that_have_no_common_unit(units, whole):
+    score = dataclasses.replace(recording(0.1, 1.0), coordinates=(0.1, 0.2), rollout_coordinates=(0.3, 0.4), windows=7)
+    table = _recordings([score], units, ("x", "pole"))
+    said = dict(zip(table.columns, table.rows[0], strict=True))
+    assert {name: each for name, each in said.items() if name.startswith("whole,")} == whole
+    assert ("whole" in said) == (not whole)
+    assert said["windows"] == 7

@@ -57,6 +57,7 @@ def test_windows_last_a_second_and_start_every_quarter_of_one():
     assert score.window_rmse.mean == pytest.approx(np.mean(errors), rel=1e-9)
     whole = written_out(Pendulum(), recording, 0, 41)[1:]
     assert score.rollout_rmse == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-9)
+    assert score.rollout_coordinates == pytest.approx((score.rollout_rmse,), rel=1e-12)
     assert (score.name, score.split, score.samples) == ("swing", "train", 41)
 
 

@@ -289,6 +289,7 @@ def _recordings(recordings: Sequence[RecordingScore], units: Sequence[str], name
     length = _length(recordings) if recordings else ""
     each = [f"{length}, {name}" for name in names] if 1 < len(names) <= _FEW else []
     worst = [f"{length}, worst"] if len(names) > _FEW else []
+    whole = [f"whole, {name}" for name in names] if each and len(set(units)) > 1 else []  # Of no common unit.
     short = any(math.isnan(r.motion) for r in recordings)
     return TableText(
         f"position RMSE [{measured}]: over windows of {length}, beside how far positions move in these, and of one "
@@ -296,12 +297,16 @@ def _recordings(recordings: Sequence[RecordingScore], units: Sequence[str], name
         + ("; of each coordinate the median over the windows" if each else "")
         + ("; of the coordinates that are worst the median over the windows" if worst else "")
         + ("; -: the recording is shorter than a window" if short else ""),
-        ("recording", "split", "samples", f"{length} median", f"{length} mean", "moves", "whole", *each, *worst),
+        (
+            *("recording", "split", "samples", "windows", f"{length} median", f"{length} mean", "moves"),
+            *(*each, *worst, *(whole or ["whole"])),
+        ),
         [
             (
-                *(r.name, r.split, r.samples, r.window_rmse.median, r.window_rmse.mean, r.motion, r.rollout_rmse),
+                *(r.name, r.split, r.samples, r.windows, r.window_rmse.median, r.window_rmse.mean, r.motion),
                 *r.coordinates[: len(each)],
                 *([_worst(r.coordinates, names)] if worst else []),
+                *(r.rollout_coordinates if whole else [r.rollout_rmse]),
             )
             for r in recordings
         ],

@@ -66,6 +66,7 @@ class RecordingScore:
             all recordings; the range of an angle is a turn or more.
         coordinates: The median over the windows for each coordinate by itself, for lengths and angles have no common
             unit.
+        rollout_coordinates: Like `rollout_rmse`, for each coordinate by itself.
         motion: How far the positions move in such a window, what errors are to be compared with: root mean square of
             their distance from the window's first sample; NaN if there is no window.
         in_motion: Errors and motion of the windows that move.
@@ -80,6 +81,7 @@ class RecordingScore:
     rollout_rmse: float
     astray: float = np.nan
     coordinates: tuple[float, ...] = ()
+    rollout_coordinates: tuple[float, ...] = ()
     motion: float = np.nan
     in_motion: MotionScore = MotionScore()
     windows: int = 0
@@ -166,6 +168,7 @@ def _recording_score(
     each = np.sqrt(np.asarray(squares).reshape(-1, n))
     errors = np.sqrt(np.mean(np.square(each), axis=1))
     known = len(errors) > 0
+    whole = _whole_squares(path, recording)
     moved = np.sqrt([np.mean(square) for square in motion])
     # What rests, and is predicted to go somewhere, counts as well; what diverges as much as all that moves.
     weights = np.maximum(moved, np.minimum(errors, moved.max(initial=0.0))) + np.finfo(float).tiny
@@ -178,8 +181,9 @@ def _recording_score(
             median=float(np.median(errors)) if known else np.nan,
             mean=float(np.mean(errors)) if known else np.nan,
         ),
-        rollout_rmse=float(np.sqrt(np.mean(_whole_squares(path, recording)))),
+        rollout_rmse=float(np.sqrt(np.mean(whole))),
         coordinates=tuple(np.median(each, axis=0).tolist()) if known else (np.nan,) * n,
+        rollout_coordinates=tuple(np.sqrt(whole).tolist()),
         motion=float(np.sqrt(np.mean(motion))) if known else np.nan,
         in_motion=MotionScore(*(_middle(each, weights) for each in (errors, moved, np.sqrt(coasting))))
         if known
