@@ -216,7 +216,9 @@ def test_of_many_coordinates_the_worst_are_named(missing):
     assert "worst" not in " ".join(_recordings([], ("rad",) * 4, names[:4]).columns)
 
 
-@pytest.mark.parametrize(("units", "whole"), [(("m", "rad"), {"whole, x": 0.3, "whole, pole": 0.4}), (("rad",) * 2, {})])
+@pytest.mark.parametrize(
+    ("units", "whole"), [(("m", "rad"), {"whole, x": 0.3, "whole, pole": 0.4}), (("rad",) * 2, {})]
+)
 def test_rollouts_are_scored_by_coordinates_that_have_no_common_unit(units, whole):
     score = dataclasses.replace(recording(0.1, 1.0), coordinates=(0.1, 0.2), rollout_coordinates=(0.3, 0.4), windows=7)
     table = _recordings([score], units, ("x", "pole"))

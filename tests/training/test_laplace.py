@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, strategies as st
+from hypothesis import given, settings, strategies as st
 
 from symoden.blocks import FRICTION, NETWORKS, Constant, Correction, JointFriction, Sum, kinds_in_use
 from symoden.data import Dataset, Trajectory
@@ -17,6 +17,7 @@ from symoden.models import BlockConfig, ModelConfig, StructuredModel, build
 from symoden.spaces import Space
 from symoden.systems import Pendulum
 from symoden.training import Laplace, TrainingConfig, _laplace, fit, infer_posterior
+from symoden.training._flatten import Flattening
 from symoden.training._laplace import _sandwich
 
 CONSTANT = BlockConfig(constant=True)
@@ -266,6 +267,27 @@ def test_friction_may_differ_a_little_where_no_difference_between_the_directions
     assert (narrow < 0.3 * whole).all()
     assert (narrow > 1e-6 * whole).all()
     assert wide[1] > 3 * narrow[1]
+
+
+@given(laws=st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3), v=st.floats(-3.0, 3.0))
+@settings(max_examples=10)
+def test_friction_that_is_rounded_off_may_be_as_much_more_as_its_law(laws, v):
+    """Bands of D were nothing where laws were below zero, though a little more of one would lift it."""
+    config = ModelConfig(inverse_mass=CONSTANT, potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=(0.5,))
+    model: Any = build(config, Space.parse("T1"), 1, key=jax.random.key(0))
+    model = eqx.tree_at(lambda m: m.friction.laws.function.values, model, jnp.array(laws))
+    restore, theta = Flattening.of(model, corrections=FRICTION, dtype=np.dtype(float))
+    posterior = Laplace(restore=restore, theta=np.asarray(theta), windows=9, factor=np.eye(len(theta)), effective=1.0)
+    at = lambda m: m.dissipation_matrix(jnp.zeros(1), jnp.array([v]))
+    (row,) = posterior.project(lambda m: jnp.ravel(at(m)))
+    (scale,), (speed,) = (np.asarray(each.value) for each in (model.friction.scale, model.friction.speed))
+    w = v / speed
+    shapes = [1 / np.hypot(1, 2 * w), 1 / (1 + (2 * w) ** 2), np.hypot(1, w) - 1]
+    viscous = float(model.friction.viscous(jnp.zeros(1))[0])
+    assert sorted(row) == pytest.approx(
+        sorted([*(scale**2 * np.array(shapes)), 2 * viscous * scale**2, *[0] * (len(row) - 4)])
+    )
+    assert float(at(posterior.model)[0, 0]) == pytest.approx(float(at(model)[0, 0]), rel=1e-12)
 
 
 def test_models_too_large_for_it_are_refused(pendulum):

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -66,6 +67,8 @@ class JointFriction(AbstractFriction):
         scale: Diagonal of S: square roots of the physical units.
         speed: Typical speed of each joint.
         knees: The wₖ.
+        open: Derivatives are those of the x, also where x is below zero: there those of ℓ say that no coefficient
+            matters, whatever x may rise to.
 
     References:
         Armstrong-Hélouvry, Dupont & Canudas de Wit (1994), *A survey of models, analysis tools and compensation
@@ -78,6 +81,7 @@ class JointFriction(AbstractFriction):
     speed: Known
     knees: tuple[float, ...] = eqx.field(static=True)
     directions: AbstractFunction | None = None
+    open: bool = eqx.field(static=True, default=False)
 
     @staticmethod
     def shapes(knees: tuple[float, ...]) -> int:
@@ -95,6 +99,8 @@ class JointFriction(AbstractFriction):
             odd = self._odd(w)
             x = x + jnp.sum(self.directions(q).reshape(odd.shape) * odd, axis=1)
         joint = (x + jnp.sqrt(x**2 + _ROUNDED**2)) / 2
+        if self.open:
+            joint = x + jax.lax.stop_gradient(joint - x)
         scale = self.scale.value
         factor = scale[:, None] * lower_triangle(self.viscous(q), size=w.shape[0])
         return factor @ factor.T + jnp.diag(joint * scale**2)

@@ -1,5 +1,6 @@
 """How certain a trained model is: the Gauss-Newton matrix at the optimum, and what it says of anything computed."""
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,12 +70,12 @@ class Laplace(AbstractPosterior):
         return float(scipy.stats.t.ppf((1 + level) / 2, self.windows - 1))
 
     def project(self, quantities: Quantities) -> Float[np.ndarray, "K P"]:
-        """G F, where G is the Jacobian of the quantities."""
+        """G F, where G is the Jacobian of the quantities, for which friction's laws are not rounded off at zero."""
         with jax.enable_x64(True):  # noqa: FBT003 - JAX's signature
             theta = jnp.asarray(self.theta)
 
             def of(theta: Float[Array, " P"]) -> Float[Array, " K"]:
-                return quantities(self.restore(theta))
+                return quantities(_opened(self.restore(theta)))
 
             # One pass for each of the fewer.
             forward = theta.size < jax.eval_shape(of, theta).size
@@ -244,6 +245,13 @@ def _is_even(model: AbstractDynamics) -> bool:
     if not isinstance(model, StructuredModel) or not isinstance(model.friction, JointFriction):
         return False
     return model.friction.directions is not None and kinds_in_use(model) & (FRICTION | DIRECTIONS) == FRICTION
+
+
+def _opened(model: AbstractDynamics) -> AbstractDynamics:
+    """The model with friction that may rise where its laws are below zero, and rounded off."""
+    if not isinstance(model, StructuredModel) or not isinstance(model.friction, JointFriction):
+        return model
+    return dataclasses.replace(model, friction=dataclasses.replace(model.friction, open=True))
 
 
 def _priors(model: AbstractDynamics, q: Float[Array, "W n"], prior: float, corrections: int) -> Float[np.ndarray, " P"]:
