@@ -44,6 +44,7 @@ from .logs import (
     find_counted_zeros,
     find_ended,
     find_other_clocks,
+    find_polled,
     find_uneven,
     find_wraps,
     read_all,
@@ -166,7 +167,7 @@ def _check(
     findings: list[Finding] = list(late)
     if isinstance(outcome, DataError) and not late:
         findings.append(refusal(outcome))
-    clocks = [*find_wraps(log), *find_merged(log), *find_arrivals(log), *find_uneven(log, is_angle)]
+    clocks = [*find_wraps(log), *find_merged(log), *find_polled(log), *find_arrivals(log), *find_uneven(log, is_angle)]
     findings.extend([*clocks, *find_absent(log)])
     if isinstance(outcome, Mask):
         findings.extend(find_masked(log, outcome))

@@ -16,7 +16,18 @@ from .checks import Examination, find_merged, survey
 from .description import Description, Unreadable, of_column, read_description, split_unit
 from .dynamics import find_doubts
 from .files import Table
-from .logs import Log, Mask, angles, find_arrivals, find_copies, find_other_clocks, find_uneven, read_all, recordings_of
+from .logs import (
+    Log,
+    Mask,
+    angles,
+    find_arrivals,
+    find_copies,
+    find_other_clocks,
+    find_polled,
+    find_uneven,
+    read_all,
+    recordings_of,
+)
 
 _SHOWN = 3  # recordings that a warning names
 
@@ -183,6 +194,9 @@ def _warn_of_clocks(description: Description, logs: Sequence[Log], is_angle: np.
     arrived = [f"{name}: {each.text}" for name, log in zip(names, logs, strict=True) for each in find_arrivals(log)]
     if arrived:
         _warn(description, "not taken at the times that were logged,", arrived)
+    polled = [f"{name}: {each.text}" for name, log in zip(names, logs, strict=True) for each in find_polled(log)]
+    if polled:
+        _warn(description, "left out in", polled)
     wrong = [
         f"{name}: {each.text}"
         for name, log in zip(names, logs, strict=True)

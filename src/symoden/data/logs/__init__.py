@@ -9,6 +9,7 @@ from ._facts import ChannelFacts as ChannelFacts, Facts as Facts, measure as mea
 from ._logs import Log as Log, angles as angles
 from ._masking import LEAST_SAMPLES as LEAST_SAMPLES, Mask as Mask
 from ._overlaps import find_ended as find_ended
+from ._polled import find_polled as find_polled
 from ._reading import Reading as Reading, read_all as read_all
 from ._recordings import recordings_of as recordings_of, rows_to_use as rows_to_use
 from ._stuck import StuckRows as StuckRows, find_stuck as find_stuck, find_stuck_rows as find_stuck_rows
@@ -35,6 +36,7 @@ __all__ = [
     "find_counted_zeros",
     "find_ended",
     "find_other_clocks",
+    "find_polled",
     "find_stuck",
     "find_stuck_rows",
     "find_uneven",

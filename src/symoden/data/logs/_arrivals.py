@@ -10,7 +10,8 @@ from symoden.data._findings import Finding
 from symoden.data._shapes import Times
 from symoden.data.signals import longest_step, whole_steps
 
-from ._logs import Arrivals, Log
+from ._clock_notes import Arrivals
+from ._logs import Log
 
 _AT_ONCE: Final = 0.1  # Of the mean step: no sensor that takes its samples so soon after each other waits as long then.
 _FEWEST, _OFTEN = 10, 0.02  # Rows that come at once with those before: how many, and which share.

@@ -22,79 +22,7 @@ from symoden.data.description import (
 )
 from symoden.data.files import Rows, UnreadClock, place, stem_of, units_below_names
 
-
-class Left(NamedTuple):
-    """Single samples of a column of another clock that stand out alone, and were left out of it.
-
-    Attributes:
-        channel: Name of the column.
-        samples: How many.
-        largest: Largest deviation from what the neighbours say, in SI or rad.
-        place: Where the first one is in the file.
-    """
-
-    channel: str
-    samples: int
-    largest: float
-    place: str
-
-
-class Silence(NamedTuple):
-    """Time for which a held input had no number, far longer than it usually has none.
-
-    Attributes:
-        channel: Name of the column.
-        start: When it began [s].
-        end: When it ended [s].
-    """
-
-    channel: str
-    start: float
-    end: float
-
-
-class Merged(NamedTuple):
-    """That a table had several clocks, and was brought to that of the positions.
-
-    Attributes:
-        rows: Rows that it had.
-        columns: Names of the columns that had numbers in other rows than the positions.
-        left: Their samples that were left out.
-        silences: The longest of each of the inputs that has one.
-    """
-
-    rows: int
-    columns: tuple[str, ...]
-    left: tuple[Left, ...] = ()
-    silences: tuple[Silence, ...] = ()
-
-
-class Arrivals(NamedTuple):
-    """That time stamps were found to tell when rows arrived, and rows were put onto an even clock.
-
-    Attributes:
-        step: Time between its ticks [s].
-        together: How many rows arrived at once with the one before.
-    """
-
-    step: float
-    together: int
-
-
-class Wraps(NamedTuple):
-    """That a clock counted in so many bits and began anew when these were full, and was counted on.
-
-    Attributes:
-        bits: How many.
-        tick: What it counted [s].
-        place: Where in the file it first began anew.
-        spans: Last stamp before and first one after each such row [s].
-    """
-
-    bits: int
-    tick: float
-    place: str
-    spans: tuple[tuple[float, float], ...]
+from ._clock_notes import Arrivals, Merged, Polled, Wraps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,6 +60,7 @@ class Log:
         units: SI units of these columns, by role, empty where neither the description nor the space tells one.
         impossible: Numbers that no machine has, of each column that has any.
         merged: That the table had several clocks, if so.
+        polled: That positions repeat readings, if so.
         arrivals: That its time stamps were found to be those of arrival, if so.
         wraps: That its clock began anew, and was counted on, if so.
         repeats: Rows of the file that repeat the one before, time stamp and all, which the log lacks.
@@ -153,6 +82,7 @@ class Log:
     units: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     impossible: tuple[Impossible, ...] = ()
     merged: Merged | None = None
+    polled: Polled | None = None
     arrivals: Arrivals | None = None
     wraps: Wraps | None = None
     repeats: tuple[int, ...] = ()
@@ -168,8 +98,8 @@ class Log:
     @property
     def signals(self) -> dict[str, np.ndarray]:
         """Positions, rates if there are any, and inputs, by role."""
-        every = {"positions": self.q, "rates": self.rates, "inputs": self.us}
-        return {role: signal for role, signal in every.items() if signal is not None}
+        rates = {} if self.rates is None else {"rates": self.rates}
+        return {"positions": self.q, **rates, "inputs": self.us}
 
     @property
     def complete(self) -> np.ndarray:

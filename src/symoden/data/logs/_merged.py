@@ -1,6 +1,7 @@
 """Tables of several clocks: what was logged at other times than the positions is brought to their rows."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -9,7 +10,8 @@ from scipy.interpolate import Akima1DInterpolator
 from symoden.data._errors import DataError
 from symoden.data.signals import centred_mean, held_mean, longest_step
 
-from ._logs import Left, Log, Merged, Silence
+from ._clock_notes import Left, Merged, Silence
+from ._logs import Log
 from ._spikes import lone_samples
 
 _OFTEN: Final = 0.2  # Share of the positions' rows that a column of another clock lacks, or has beside them.
@@ -45,13 +47,35 @@ def on_one_clock(log: Log, is_angle: np.ndarray, hold: Literal["zero", "linear"]
     References:
         Akima (1970), *A new method of interpolation and smooth curve fitting based on local procedures*.
     """
-    base = _rows_of_positions(log)
+    base = rows_of_positions(log)
     known = log.ts[np.isfinite(log.ts)]
     if len(base) < _FEWEST or (np.diff(known) < 0).any() or (np.diff(log.ts[base]) <= 0).any():
         return log
     apart = {role: _is_elsewhere(log.ts, signal, base) for role, signal in log.signals.items()}
     if not any(columns.any() for columns in apart.values()):
         return log
+    brought, merged = bring_to(log, base, apart, is_angle, hold)
+    return dataclasses.replace(brought, merged=merged)
+
+
+def bring_to(
+    log: Log, base: np.ndarray, apart: Mapping[str, np.ndarray], is_angle: np.ndarray, hold: Literal["zero", "linear"]
+) -> tuple[Log, Merged]:
+    """Bring a log to some of its rows.
+
+    Args:
+        log: What was logged.
+        base: The rows, in order; their time stamps increase.
+        apart: Which columns are interpolated or averaged, by role; the others are as they are in these rows.
+        is_angle: Whether each coordinate is an angle.
+        hold: What an input is between its samples.
+
+    Returns:
+        The log on these rows, and what became of the columns.
+
+    Raises:
+        DataError: If a column has numbers only before, or only after these rows.
+    """
     at = log.ts[base]
     signals = {role: signal[base] for role, signal in log.signals.items()}
     named, left, silences = [], [], []
@@ -68,7 +92,7 @@ def on_one_clock(log: Log, is_angle: np.ndarray, hold: Literal["zero", "linear"]
                 left.extend(alone)
                 signals[role][:, i] = own.between(at)
             named.append(name)
-    return dataclasses.replace(
+    brought = dataclasses.replace(
         log,
         rows=log.rows[base],
         ts=at,
@@ -79,8 +103,8 @@ def on_one_clock(log: Log, is_angle: np.ndarray, hold: Literal["zero", "linear"]
             dataclasses.replace(each, rows=np.unique(np.maximum(np.searchsorted(base, each.rows, side="right") - 1, 0)))
             for each in log.impossible
         ),
-        merged=Merged(len(log), tuple(named), tuple(left), tuple(silences)),
     )
+    return brought, Merged(len(log), tuple(named), tuple(left), tuple(silences))
 
 
 class _Clock(NamedTuple):
@@ -156,8 +180,15 @@ class _Clock(NamedTuple):
         return values
 
 
-def _rows_of_positions(log: Log) -> np.ndarray:
-    """Rows that have all positions; or the position with fewest numbers, where few have all."""
+def rows_of_positions(log: Log) -> np.ndarray:
+    """Find the rows that have all positions; or the position with fewest numbers, where few have all.
+
+    Args:
+        log: What was logged.
+
+    Returns:
+        The rows.
+    """
     there = np.isfinite(log.q)
     for each in log.impossible:  # Something was there.
         there[each.rows] |= np.isin(log.names["positions"], each.columns)

@@ -13,6 +13,7 @@ from ._arrivals import on_even_clock
 from ._logs import Log, read_logs
 from ._merged import on_one_clock
 from ._overlaps import find_overlaps
+from ._polled import on_new_readings
 from ._wraps import unwrapped_clock
 
 
@@ -75,7 +76,8 @@ def _on_clock(one: Log | Unreadable, description: Description, is_angle: np.ndar
     step = None if description.time is None else description.dt
     try:
         counted = unwrapped_clock(one, description.units)
-        return on_even_clock(on_one_clock(counted, is_angle, description.hold), step)
+        alone = on_new_readings(on_one_clock(counted, is_angle, description.hold), is_angle, description.hold)
+        return on_even_clock(alone, step)
     except DataError as error:
         return _unreadable(one, error)
 

@@ -11,7 +11,8 @@ from symoden.data._shapes import Times
 from symoden.data.description import of_column
 from symoden.data.signals import longest_step
 
-from ._logs import Log, Wraps
+from ._clock_notes import Wraps
+from ._logs import Log
 
 _BITS: Final = (16, 24, 31, 32)  # Of timers, of those that count while processors run, and of signed numbers and words.
 _TICKS: Final = {1e-3: "ms", 1e-6: "us"}  # [s]; a program may have divided them into seconds.
