@@ -65,9 +65,17 @@ def test_a_coarse_encoder_a_rest_and_a_joint_that_sticks_are_no_such_sensor(seed
     ramps = np.cumsum(np.convolve(moves * generator.choice([-1.0, 1.0], SIZE // 50).repeat(50), np.ones(20), "same"))
     still = swing(seed)
     still[700:760] = still[700]
-    for each in (encoder, ramps * STEP, swing(seed), still, np.zeros(SIZE)):
+    noisy = np.round(swing(seed, 0.05) / 0.02) * 0.02
+    for each in (noisy, encoder, ramps * STEP, swing(seed), still, np.zeros(SIZE)):
         given_log = log(each)
         assert on_new_readings(given_log, NO_ANGLE[:1], "zero") is given_log
+
+
+@given(seed=st.integers(0, 200), share=st.floats(0.08, 0.4))
+def test_rows_that_were_written_twice_while_no_time_went_by_are_no_such_sensor(seed, share):
+    twice = np.repeat(swing(seed), 1 + (np.random.default_rng(seed + 1).random(SIZE) < share))[:SIZE]
+    given_log = log(twice)
+    assert on_new_readings(given_log, NO_ANGLE[:1], "zero") is given_log
 
 
 def test_time_stamps_out_of_order_are_left_to_be_named():

@@ -14,12 +14,13 @@ from ._clock_notes import Polled
 from ._logs import Log
 from ._merged import bring_to, rows_of_positions
 
-_LEAST: Final = 10  # Repeats while the joint moves,
+_LEAST: Final = 30  # Repeats while the joint moves,
 _SHARE: Final = 0.03  # and their share of its readings then.
 _ROUNDINGS: Final = 4.0  # Changes on either side by which it certainly moves,
 _USUAL: Final = 0.25  # and the part of the usual one that they are at least.
 _MOST: Final = 0.95  # Share of repeats by which it is told how long they go on,
 _LONGER: Final = 2.0  # and times that what is longer is a rest, or a sensor that is stuck.
+_STEADIER: Final = 0.25  # Of deviations from a straight line in rows to those from one in readings.
 
 
 def on_new_readings(log: Log, is_angle: np.ndarray, hold: Literal["zero", "linear"]) -> Log:
@@ -28,8 +29,10 @@ def on_new_readings(log: Log, is_angle: np.ndarray, hold: Literal["zero", "linea
     A sensor that is polled, sends or filters more slowly than rows are written leaves stairs, of which no model is
     right: the joint seems to stand still and to leap. A joint at rest, and one that moves by less than a step of its
     encoder, repeat positions too; but not between two changes in the same direction that are many steps large. Where
-    that is no exception, rows in which nothing was read are left out; of a rest that is longer than such repeats, rows
-    as far apart as readings are stay. Inputs are averaged over the longer steps, or interpolated.
+    that is no exception, and readings after longer repeats have gone farther, rows in which nothing was read are left
+    out; of a rest that is longer than such repeats, rows as far apart as readings are stay. Inputs are averaged over
+    the longer steps, or interpolated. Where readings go on after repeats as if no time had passed, time stamps are
+    wrong rather than rows, and nothing is done.
 
     Args:
         log: What was logged, on a clock that counts on.
@@ -88,10 +91,14 @@ def _fresh(signal: np.ndarray) -> Bool[np.ndarray, " T"]:
     lengths = np.diff(first, append=len(signal))
     moves = _moves(signal[first])
     repeats = lengths[moves & (lengths > 1)]
+    every_row = np.ones(len(signal), bool)
     if len(repeats) < max(_LEAST, _SHARE * np.count_nonzero(moves)):
-        return np.ones(len(signal), bool)
-    long = lengths > _LONGER * np.quantile(repeats, _MOST, method="higher")
+        return every_row
     every = int(np.median(lengths[moves]))
+    regular = every > 1 and np.mean(lengths[moves] == every) > _MOST
+    if not regular and not _is_steadier(first.astype(float), signal[first], moves):
+        return every_row
+    long = lengths > _LONGER * np.quantile(repeats, _MOST, method="higher")
     for start, length in zip(first[long], lengths[long], strict=True):
         fresh[start : start + length : every] = True
     return fresh
@@ -108,3 +115,15 @@ def _moves(readings: np.ndarray) -> Bool[np.ndarray, " R"]:
     least = max(_ROUNDINGS * step, _USUAL * float(np.median(known)))
     before, after = changes[:-1], changes[1:]
     return (np.minimum(np.abs(before), np.abs(after)) >= least) & (before * after > 0)
+
+
+def _is_steadier(rows: np.ndarray, readings: np.ndarray, moves: Bool[np.ndarray, " R"]) -> bool:
+    """Whether readings that are unevenly far apart are on straight lines by their rows, rather than one by one."""
+    inner = np.flatnonzero(moves[1:-1]) + 1
+    share = (rows[inner] - rows[inner - 1]) / (rows[inner + 1] - rows[inner - 1])
+    inner, share = inner[share != 0.5], share[share != 0.5]
+    if len(inner) < _LEAST:
+        return False
+    before, here, after = readings[inner - 1], readings[inner], readings[inner + 1]
+    steady, evenly = (np.median(np.abs(before + each * (after - before) - here)) for each in (share, 0.5))
+    return bool(steady <= _STEADIER * evenly)
