@@ -19,6 +19,7 @@ from ._inspect import FrictionProfile, Inspection, Profile, identified_parameter
 
 LEVEL: Final = 0.9
 """Probability that a band is meant to cover."""
+_STEPS: Final = 61  # Of a profile along which the mean size of M is taken.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,6 +103,8 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         raise ValueError("Bands need a model with M, V, g and D; this kind has none.")
     n, speeds, middle = model.space.size, inspection.velocities, inspection.middle
     profile_states = [_along(profile, middle, speeds / 2) for profile in inspection.profiles]
+    # Lest the scale depend on how many values are shown.
+    everywhere = [_along(profile, middle, speeds / 2, steps=_STEPS) for profile in inspection.profiles]
     friction_states = [(np.tile(middle, (len(f.velocities), 1)), _only(f, n)) for f in inspection.friction]
     lowest = [int(np.argmin(p.potential_energy)) if p.potential_energy is not None else 0 for p in inspection.profiles]
     free = not parts_that_fix_the_scale(model) and not model.momenta
@@ -115,12 +118,12 @@ def certainty(posterior: AbstractPosterior, inspection: Inspection) -> Certainty
         pushed = [_accelerations(model, *states) for states in profile_states] if free else []
         named = jnp.stack([*model.parameters.quantities.values()]) if model.parameters else jnp.zeros(0)
         if free:
-            factor = jnp.exp(size - _log_size(model, profile_states))
+            factor = jnp.exp(size - _log_size(model, everywhere))
             along = [_scaled(blocks, factor) for blocks in along]
             coefficients = [factor * each for each in coefficients]
-        return along, coefficients, named, pushed, jnp.zeros(()) if free else _log_size(model, profile_states)
+        return along, coefficients, named, pushed, jnp.zeros(()) if free else _log_size(model, everywhere)
 
-    size = _log_size(model, profile_states) if free else jnp.zeros(())
+    size = _log_size(model, everywhere) if free else jnp.zeros(())
     values, structure = jax.tree.flatten(everything(model))
     rows = posterior.project(
         lambda model: jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(everything(model))])
@@ -223,10 +226,13 @@ def _as_friction(profile: FrictionProfile, coefficient: np.ndarray) -> FrictionP
     return dataclasses.replace(profile, coefficient=coefficient, force=coefficient * np.abs(profile.velocities))
 
 
-def _along(profile: Profile, middle: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """States of a profile."""
-    q = np.tile(middle, (len(profile.values), 1))
-    q[:, profile.coordinate] = profile.values
+def _along(
+    profile: Profile, middle: np.ndarray, v: np.ndarray, *, steps: int | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """States of a profile; or of so many steps over its range."""
+    values = profile.values if steps is None else np.linspace(profile.values.min(), profile.values.max(), steps)
+    q = np.tile(middle, (len(values), 1))
+    q[:, profile.coordinate] = values
     return q, np.tile(v, (len(q), 1))
 
 

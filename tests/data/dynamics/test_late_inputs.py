@@ -197,3 +197,28 @@ def test_periods_later_a_periodic_input_is_no_delay(tmp_path, frequency, lag):
         servo(tmp_path, seed=seed, frequency=frequency, lag=lag)
         for one in described(tmp_path):
             assert advised(one) < 0.5 / frequency
+
+
+@pytest.mark.parametrize("told", [0.003, 0.01])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_targets_that_a_servo_follows_are_not_late_because_its_motion_tells_them(tmp_path, told, seed):
+    """Positions and velocities tell the target: a regression takes the one for the other, and is worse than none."""
+    rng = np.random.default_rng(seed)
+    ts = np.cumsum(rng.uniform(0.019, 0.022, 330))
+    a, b = rng.uniform(1.5, 2.5), rng.uniform(4.0, 6.0)
+
+    def target(t):
+        return 0.7 * np.sin(a * t) + 0.3 * np.sin(b * t)
+
+    q, v, t, states = target(0.0), 0.7 * a + 0.3 * b, 0.0, []
+    for end in ts:
+        for step in np.full(40, (end - t) / 40):
+            t += step
+            v += step * (900 * (target(t) - q) - 60 * v - 2 * np.tanh(v / 0.05) - 25 * np.sin(q))
+            q += step * v
+        states.append([np.round(q / 0.0015) * 0.0015, v + 0.02 * rng.normal()])
+    rows = np.column_stack([ts, states, target(ts)])
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,q,v,u", comments="")
+    file = description(tmp_path, f"input_delay = {told}")
+    file.write_text(file.read_text().replace("T1", "R1"))
+    assert [one.text for one in check_dataset(file).findings if one.kind == "delay"] == []

@@ -2,11 +2,11 @@
 
 from ._answers import law_of as law_of, shares_answered as shares_answered
 from ._doubts import find_doubts as find_doubts
-from ._regression import unseen_residuals as unseen_residuals
+from ._told_inputs import shares_told as shares_told
 
 __all__ = [
     "find_doubts",
     "law_of",
     "shares_answered",
-    "unseen_residuals",
+    "shares_told",
 ]

@@ -13,6 +13,7 @@ from symoden.data.logs import SLOW
 from symoden.wording import percent
 
 from ._bumps import bumps_of, unexplained
+from ._told_inputs import shares_told
 
 _LONGEST: Final = 0.25  # [s] of a delay that is looked for; motors, networks and propellers take less;
 _STEPS: Final = 5  # and as many steps where these take longer.
@@ -25,6 +26,7 @@ _FAR_LESS: Final = 0.2  # The same, and
 _MUCH: Final = 0.01  # what is left as it is, from which nothing else is as wrong.
 _HALF: Final = 0.51  # Steps: half of one is what the other hold makes of a smooth input.
 _WORSE: Final = 1.5  # Times what is left as it is, that a delay in between may leave.
+_TOLD: Final = 0.97  # Share of an input's variance, by positions and velocities, that leaves none to be late.
 _EXPLAINED: Final = 0.3  # Share of the accelerations' variance that may be left then.
 
 
@@ -34,7 +36,8 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     Accelerations under short bumps are predicted by what a mechanism has: functions of single positions, friction,
     products of velocities, and inputs, which may turn with a joint. Every other stretch is predicted from the rest. In
     the weak form no velocity is differentiated: ∫ w dv = −∫ w′ v dt. A periodic input is the same periods later: what
-    is far worse in between is no delay.
+    is far worse in between is no delay. Nor does one show where positions and velocities tell all inputs, as the target
+    that a servo follows: a regression takes these for the input, or its delay for them.
 
     Args:
         dataset: Recordings as training sees them.
@@ -60,7 +63,12 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     between = means[min(said, best) : max(said, best)]
     clear = abs(every[best]) > _HALF * step and 0 < best < len(every) - 1
     less = means[best] <= min(_EXPLAINED, _LESS * means[said])
-    if not (clear and less) or (left[best] > 1.05 * left[said]).any() or between.max() > _WORSE * means[said]:
+    if (
+        not (clear and less)
+        or bool((shares_told(dataset, is_angle) > _TOLD).all())
+        or (left[best] > 1.05 * left[said]).any()
+        or between.max() > _WORSE * means[said]
+    ):
         return []
     return [_finding(dataset, delays, float(every[best]), now=float(means[said]), then=float(means[best]))]
 
