@@ -70,23 +70,6 @@ def bands(model, dataset) -> tuple[Any, Any]:
     return found, certainty(infer_posterior(model, dataset, STEPS), found)
 
 
-def test_bands_do_not_depend_on_how_many_values_are_shown(learned):
-    """Where M bends, a scale that is a mean over the values shown would."""
-    dataset = learned[1]
-    bent = ModelConfig(
-        inverse_mass=BlockConfig(harmonics=True), potential=CONSTANT, actuation=CONSTANT, friction=CONSTANT, knees=()
-    )
-    model = build(bent, Space.parse("T1"), 1, key=jax.random.key(0))
-    arrays, rest = eqx.partition(model, lambda leaf: eqx.is_inexact_array(leaf) and leaf.ndim > 1)
-    model = eqx.combine(jax.tree.map(lambda leaf: leaf + 0.3, arrays), rest)
-    posterior, ranges = infer_posterior(model, dataset, STEPS), Ranges.of(dataset.train, model.space)
-    few, many = (certainty(posterior, inspect_model(model, ranges, points=k)).profiles[0] for k in (3, 9))
-    assert few.mass_matrix is not None
-    assert many.mass_matrix is not None
-    assert np.ptp(many.mass_matrix) > 1e-3 * many.mass_matrix.max()
-    assert few.mass_matrix == pytest.approx(many.mass_matrix[::4], rel=1e-6)
-
-
 def test_bands_contain_the_truth_of_a_pendulum_in_noise(learned):
     model, dataset = learned
     found, band = bands(model, dataset)

@@ -51,9 +51,11 @@ def on_new_readings(log: Log, is_angle: np.ndarray, hold: Literal["zero", "linea
     read = dataclasses.replace(log, q=np.where(fresh, log.q, np.nan))
     base = rows_of_positions(read)
     named = tuple(name for name, each in zip(log.names["positions"], fresh.T, strict=True) if not each.all())
-    apart = {role: np.zeros(signal.shape[1], bool) for role, signal in log.signals.items()}
-    apart["inputs"][:] = np.isfinite(log.us).any(axis=0)
-    apart["positions"] = ~fresh[base].all(axis=0)
+    apart: dict[str, np.ndarray] = {
+        "positions": np.asarray(~fresh[base].all(axis=0)),
+        "rates": np.zeros(log.q.shape[1], bool),
+        "inputs": np.isfinite(log.us).any(axis=0),
+    }
     brought, _ = bring_to(read, base, apart, is_angle, hold)
     return dataclasses.replace(brought, polled=Polled(len(log), named))
 
