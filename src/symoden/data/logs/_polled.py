@@ -52,9 +52,9 @@ def on_new_readings(log: Log, is_angle: np.ndarray, hold: Literal["zero", "linea
     base = rows_of_positions(read)
     named = tuple(name for name, each in zip(log.names["positions"], fresh.T, strict=True) if not each.all())
     apart: dict[str, np.ndarray] = {
-        "positions": np.asarray(~fresh[base].all(axis=0)),
+        "positions": np.count_nonzero(~fresh[base], axis=0) > 0,
         "rates": np.zeros(log.q.shape[1], bool),
-        "inputs": np.isfinite(log.us).any(axis=0),
+        "inputs": np.count_nonzero(np.isfinite(log.us), axis=0) > 0,
     }
     brought, _ = bring_to(read, base, apart, is_angle, hold)
     return dataclasses.replace(brought, polled=Polled(len(log), named))
