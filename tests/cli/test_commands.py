@@ -59,7 +59,15 @@ def test_evaluate_gives_position_errors_on_a_data_set(arm_run, arm, capsys):
         recordings = answer(capsys, "evaluate", *words)["recordings"]
         assert [(r["name"], r["split"], r["samples"]) for r in recordings] == [("a", "train", 80), ("b", "test", 60)]
         for recording in recordings:
-            errors = {"window_rmse", "rollout_rmse", "astray", "coordinates", "motion", "in_motion"}
+            errors = {
+                "window_rmse",
+                "rollout_rmse",
+                "astray",
+                "coordinates",
+                "rollout_coordinates",
+                "motion",
+                "in_motion",
+            }
             assert set(recording) == {"name", "split", "samples", "windows", "diverged"} | errors
             assert set(recording["window_rmse"]) == {"horizon_s", "median", "mean"}
             assert (recording["windows"], recording["diverged"]) == ({"a": 12, "b": 8}[recording["name"]], 0)

@@ -91,9 +91,11 @@ def _fresh(signal: np.ndarray) -> Bool[np.ndarray, " T"]:
     fresh = np.append(True, signal[1:] != signal[:-1])  # What is missing repeats nothing.
     first = np.flatnonzero(fresh)
     lengths = np.diff(first, append=len(signal))
+    every_row = np.ones(len(signal), bool)
+    if np.count_nonzero(lengths > 1) < _LEAST:
+        return every_row
     moves = _moves(signal[first])
     repeats = lengths[moves & (lengths > 1)]
-    every_row = np.ones(len(signal), bool)
     if len(repeats) < max(_LEAST, _SHARE * np.count_nonzero(moves)):
         return every_row
     every = int(np.median(lengths[moves]))
