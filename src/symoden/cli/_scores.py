@@ -289,7 +289,8 @@ def _recordings(recordings: Sequence[RecordingScore], units: Sequence[str], name
     length = _length(recordings) if recordings else ""
     each = [f"{length}, {name}" for name in names] if 1 < len(names) <= _FEW else []
     worst = [f"{length}, worst"] if len(names) > _FEW else []
-    whole = [f"whole, {name}" for name in names] if each and len(set(units)) > 1 else []  # Of no common unit.
+    apart = bool(each) and len(set(units)) > 1  # Lengths and angles have no common unit.
+    whole = [f"whole, {name}" for name in names] if apart else ["whole"]
     short = any(math.isnan(r.motion) for r in recordings)
     return TableText(
         f"position RMSE [{measured}]: over windows of {length}, beside how far positions move in these, and of one "
@@ -299,14 +300,14 @@ def _recordings(recordings: Sequence[RecordingScore], units: Sequence[str], name
         + ("; -: the recording is shorter than a window" if short else ""),
         (
             *("recording", "split", "samples", "windows", f"{length} median", f"{length} mean", "moves"),
-            *(*each, *worst, *(whole or ["whole"])),
+            *(*each, *worst, *whole),
         ),
         [
             (
                 *(r.name, r.split, r.samples, r.windows, r.window_rmse.median, r.window_rmse.mean, r.motion),
                 *r.coordinates[: len(each)],
                 *([_worst(r.coordinates, names)] if worst else []),
-                *(r.rollout_coordinates if whole else [r.rollout_rmse]),
+                *(r.rollout_coordinates if apart else [r.rollout_rmse]),
             )
             for r in recordings
         ],

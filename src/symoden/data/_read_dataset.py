@@ -190,16 +190,16 @@ def _warn_of_clocks(description: Description, logs: Sequence[Log], is_angle: np.
             DataWarning,
             stacklevel=3,
         )
-    names = _told_apart(logs)
-    arrived = [f"{name}: {each.text}" for name, log in zip(names, logs, strict=True) for each in find_arrivals(log)]
+    told = list(zip(_told_apart(logs), logs, strict=True))
+    arrived = [f"{name}: {each.text}" for name, log in told for each in find_arrivals(log)]
     if arrived:
         _warn(description, "not taken at the times that were logged,", arrived)
-    polled = [f"{name}: {each.text}" for name, log in zip(names, logs, strict=True) for each in find_polled(log)]
+    polled = [f"{name}: {each.text}" for name, log in told for each in find_polled(log)]
     if polled:
         _warn(description, "left out in", polled)
     wrong = [
         f"{name}: {each.text}"
-        for name, log in zip(names, logs, strict=True)
+        for name, log in told
         for each in (*find_merged(log), *find_uneven(log, is_angle))
         if each.level != "note"
     ]

@@ -63,12 +63,9 @@ def find_late_inputs(dataset: Dataset, delays: Sequence[float], is_angle: np.nda
     between = means[min(said, best) : max(said, best)]
     clear = abs(every[best]) > _HALF * step and 0 < best < len(every) - 1
     less = means[best] <= min(_EXPLAINED, _LESS * means[said])
-    if (
-        not (clear and less)
-        or bool((shares_told(dataset, is_angle) > _TOLD).all())
-        or (left[best] > 1.05 * left[said]).any()
-        or between.max() > _WORSE * means[said]
-    ):
+    if not (clear and less) or (left[best] > 1.05 * left[said]).any() or between.max() > _WORSE * means[said]:
+        return []
+    if (shares_told(dataset, is_angle) > _TOLD).all():
         return []
     return [_finding(dataset, delays, float(every[best]), now=float(means[said]), then=float(means[best]))]
 

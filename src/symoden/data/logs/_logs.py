@@ -98,8 +98,8 @@ class Log:
     @property
     def signals(self) -> dict[str, np.ndarray]:
         """Positions, rates if there are any, and inputs, by role."""
-        rates = {} if self.rates is None else {"rates": self.rates}
-        return {"positions": self.q, **rates, "inputs": self.us}
+        every = {"positions": self.q, "rates": self.rates, "inputs": self.us}
+        return {role: signal for role, signal in every.items() if signal is not None}
 
     @property
     def complete(self) -> np.ndarray:
