@@ -1,4 +1,4 @@
-"""Inputs that follow the state are named, others are not."""
+"""Inputs that follow the state are named, and those that the state follows; others are not."""
 
 import re
 
@@ -104,3 +104,43 @@ def fed_back(seed, *, samples=800, step=0.01):
             v = v + step / 10 * np.linalg.solve([[1.0, 0.3], [0.3, 0.5]], force)
             q = q + step / 10 * v
     return np.array(rows) + rng.normal(0, 1e-3, (samples, 7)) * [0, 1, 1, 1, 1, 0, 0]
+
+
+def servo(path, space, more="", *, gain=1.0, lag=0.05):
+    """A pendulum beside a joint that goes where its target was a moment ago, rounded as encoders do."""
+    ts = 0.02 * np.arange(600)
+
+    def target(t):
+        return 0.7 * np.sin(2.1 * t) + 0.3 * np.sin(4.7 * t) + 0.4
+
+    log = arm(samples=600)
+    positions = np.column_stack([log[:, 1], np.round(target(ts - lag), 3)])
+    inputs = np.column_stack([np.random.default_rng(1).normal(size=600), gain * target(ts)])
+    rows = np.column_stack([ts, positions, inputs])
+    np.savetxt(path / "run.csv", rows, delimiter=",", header="t,swing,wrist,u,goal", comments="")
+    file = path / "servo.toml"
+    file.write_text(
+        f'space = "{space}"\ntime = "t"\npositions = ["swing", "wrist"]\ninputs = ["u", "goal"]\n'
+        f'[train]\nfiles = ["run.csv"]\n{more}'
+    )
+    return {one.kind: one for one in check_dataset(file).findings if one.kind in {"feedback", "target"}}
+
+
+def test_the_target_of_a_servo_is_named_and_the_space_that_has_its_spring(tmp_path):
+    found = servo(tmp_path, "T2")
+    assert found.keys() == {"target"}
+    assert (found["target"].channel, found["target"].level) == ("goal", "warning")
+    assert "`wrist` goes where `goal` says" in found["target"].text
+    assert '`space = "T1 R1"`, `units = {wrist = "rad"}`' in found["target"].advice
+    assert servo(tmp_path, "T1 R1") == {}
+
+
+def test_where_v_is_given_it_is_that_which_may_lack_the_spring(tmp_path):
+    found = servo(tmp_path, "T2", '[known]\npotential_energy = "cos(q1)"\n')
+    assert "V under [known]" in found["target"].text
+    assert "Add the spring to V" in found["target"].advice
+
+
+@pytest.mark.parametrize(("gain", "lag"), [(3.0, 0.05), (-1.0, 0.05), (1.0, 1.0)])
+def test_an_input_in_another_unit_or_far_from_the_position_is_no_target(tmp_path, gain, lag):
+    assert "target" not in servo(tmp_path, "T2", gain=gain, lag=lag)
