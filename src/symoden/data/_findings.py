@@ -9,8 +9,8 @@ SHOWN_SPANS: Final = 20  # single rows of a finding that are marked, at most
 
 Kind: TypeAlias = Literal[
     "missing", "line", "impossible", "gap", "time", "stuck", "held", "unit", "sign", "velocity", "slope", "wrap",
-    "jump", "order", "clocks", "spike", "blind", "saturation", "rounding", "zero", "idle", "feedback", "target", "together",
-    "delay", "hold", "copy", "unlike", "cyclic", "few", "refused",
+    "jump", "order", "clocks", "spike", "blind", "saturation", "rounding", "zero", "idle", "feedback", "target",
+    "together", "delay", "hold", "copy", "unlike", "cyclic", "few", "refused",
 ]  # fmt: skip
 Level: TypeAlias = Literal["note", "masked", "warning", "refused"]
 

@@ -11,9 +11,7 @@ from ._regression import unseen_residuals
 
 _CONSTANT: Final = 1e-12  # Variance that is rounding, relative to the mean square.
 _MANY: Final = 5  # Samples for each number of the regression.
-_FOLLOWED: Final = (
-    0.9  # Share of a target's variance that its position is; 0.99 of a measured servo, elsewhere below 0.4.
-)
+_FOLLOWED: Final = 0.9  # Share of a target's variance that its position is; 0.99 of a servo, elsewhere below 0.4.
 
 
 def shares_told(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
