@@ -23,7 +23,6 @@ from .checks import (
     find_merged,
     find_short,
     find_slow_sampling,
-    find_targets,
     find_tied_positions,
     find_unread_inputs,
     find_untold_inputs,
@@ -150,8 +149,7 @@ def _together(
     finer = find_finer_sampling(resample=description.resample, logged=logged)
     pace = *finer, *slow, *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
-    targets = find_targets(dataset, description.units, is_angle)
-    inputs = *feedback, *targets, *find_untold_inputs(dataset), *find_tied_positions(dataset)
+    inputs = *feedback, *find_untold_inputs(dataset), *find_tied_positions(dataset)
     return [*copies, *find_short(dataset, is_angle), *pace, *inputs, *doubts.description, *doubts.files]
 
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from symoden.data import check_dataset
+from symoden.data import DataWarning, check_dataset, read_dataset
 from tests.data.conftest import arm, written
 
 
@@ -132,6 +132,8 @@ def test_the_target_of_a_servo_is_named_and_the_space_that_has_its_spring(tmp_pa
     assert (found["target"].channel, found["target"].level) == ("goal", "warning")
     assert "`wrist` goes where `goal` says" in found["target"].text
     assert '`space = "T1 R1"`, `units = {wrist = "rad"}`' in found["target"].advice
+    with pytest.warns(DataWarning, match="`wrist` goes where `goal` says"):
+        read_dataset(tmp_path / "servo.toml")
     assert servo(tmp_path, "T1 R1") == {}
 
 

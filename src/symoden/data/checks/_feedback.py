@@ -1,14 +1,12 @@
 """Inputs that follow the state: by feedback, in slow motion, at one frequency alone; or that the state follows."""
 
-from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
-from symoden.data.description import entry
-from symoden.data.dynamics import followed_by, shares_told
+from symoden.data.dynamics import shares_told, targets_of
 
 _FOLLOWS: Final = 0.8  # Share of an input's variance; 0.87 on a measured ball on a beam whose input training lost.
 _CONFUSED: Final = {"V": "potential_energy", "D": "dissipation_matrix"}  # What may do the same as such an input.
@@ -32,7 +30,7 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     if not dataset.train or not dataset.inputs or not confused:
         return []
     share = shares_told(dataset, is_angle)
-    is_target = [j is not None for j in followed_by(dataset)]
+    is_target = [j is not None for j in targets_of(dataset)]
     follows = np.flatnonzero((share > _FOLLOWS) & ~np.array(is_target))
     if not len(follows):
         return []
@@ -51,45 +49,5 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
             advice=f"Look after training whether `symoden inspect` finds {part} larger than "
             f"{'their bands' if plural else 'its band'}. If not, record with a signal of its own on top (steps, a "
             f"chirp, noise), or give what is known: {more} under [known].",
-        )
-    ]
-
-
-def find_targets(dataset: Dataset, units: Mapping[str, float], is_angle: np.ndarray) -> list[Finding]:
-    """Say which inputs are targets that angles follow: the springs of their servos have no place in a periodic V.
-
-    Args:
-        dataset: Recordings as training sees them.
-        units: Units of columns that the description gives.
-        is_angle: Whether each coordinate is an angle.
-
-    Returns:
-        One finding, or none.
-    """
-    from symoden.spaces import Space  # imports JAX
-
-    targets = [(i, j) for i, j in enumerate(followed_by(dataset)) if j is not None and is_angle[j]]
-    if not targets:
-        return []
-    joints = {j: dataset.position_names[j] for _, j in targets}
-    space = Space(tuple(bool(angle) and j not in joints for j, angle in enumerate(is_angle)))
-    untold = {name: "rad" for name in joints.values() if name not in units}
-    named = ", ".join(f"`{joints[j]}` goes where `{dataset.input_names[i]}` says" for i, j in targets)
-    given = dataset.known is not None and "potential_energy" in dataset.known.given
-    lacks = "the V under [known] may not have" if given else "a periodic V cannot be"
-    return [
-        Finding(
-            kind="target",
-            level="warning",
-            channel=dataset.input_names[targets[0][0]] if len(targets) == 1 else "",
-            text=f"in [train] {named}, as the joint of a position servo does. That is a spring between both, which "
-            f"{lacks}: predictions may be ten times worse",
-            advice=(
-                "Add the spring to V, or take what the motor does (its current or torque) for the input."
-                if given
-                else f'If it is a servo and never goes round, write `space = "{space}"`'
-                + (f", {entry(untold, units)}" if untold else "")
-                + ", and compare errors of recordings that training has not seen."
-            ),
         )
     ]

@@ -2,12 +2,13 @@
 
 from ._answers import law_of as law_of, shares_answered as shares_answered
 from ._doubts import find_doubts as find_doubts
-from ._told_inputs import followed_by as followed_by, shares_told as shares_told
+from ._targets import targets_of as targets_of
+from ._told_inputs import shares_told as shares_told
 
 __all__ = [
     "find_doubts",
-    "followed_by",
     "law_of",
     "shares_answered",
     "shares_told",
+    "targets_of",
 ]

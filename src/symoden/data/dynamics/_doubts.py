@@ -17,6 +17,7 @@ from ._input_signs import find_input_signs
 from ._input_work import find_input_work
 from ._late_inputs import find_late_inputs
 from ._late_positions import find_late_positions
+from ._targets import find_targets
 
 
 class Doubts(NamedTuple):
@@ -57,4 +58,5 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
     if bumps:
         places = find_false_cyclic(dataset, bumps, is_angle)
     few = find_few_rows(dataset, description, is_angle)
-    return Doubts([*late, *acting, *places, *few], find_contradictions(dataset, is_angle, late=bool(late)))
+    targets = find_targets(dataset, description.units, is_angle)
+    return Doubts([*targets, *late, *acting, *places, *few], find_contradictions(dataset, is_angle, late=bool(late)))

@@ -1,4 +1,4 @@
-"""Inputs that positions and velocities tell, and targets that positions follow."""
+"""Inputs that positions and velocities tell."""
 
 from typing import Final
 
@@ -11,7 +11,6 @@ from ._regression import unseen_residuals
 
 _CONSTANT: Final = 1e-12  # Variance that is rounding, relative to the mean square.
 _MANY: Final = 5  # Samples for each number of the regression.
-_FOLLOWED: Final = 0.9  # Share of a target's variance that its position is; 0.99 of a servo, elsewhere below 0.4.
 
 
 def shares_told(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
@@ -39,24 +38,3 @@ def shares_told(dataset: Dataset, is_angle: Bool[np.ndarray, " n"]) -> Float[np.
     with np.errstate(divide="ignore", invalid="ignore"):
         told = 1 - np.mean(left**2, axis=0) / spread
     return np.where(spread > _CONSTANT * np.mean(us**2, axis=0), told, 0.0)
-
-
-def followed_by(dataset: Dataset) -> tuple[int | None, ...]:
-    """Find which position each input is the target of: the one that is nearly equal to it, in its own unit.
-
-    Args:
-        dataset: Recordings as training sees them.
-
-    Returns:
-        For each input the coordinate that goes where it says; `None` where there is none.
-    """
-    if not dataset.train:
-        return (None,) * dataset.inputs
-    q, us = (np.concatenate([getattr(each, name) for each in dataset.train]) for name in ("q", "us"))
-    left = np.mean((us[:, :, None] - q[:, None, :]) ** 2, axis=0)
-    spread = np.var(us, axis=0)
-    nearest = np.argmin(left, axis=1) if us.shape[1] else []
-    moves = spread > _CONSTANT * np.mean(us**2, axis=0)
-    return tuple(
-        int(j) if moves[i] and left[i, j] < (1 - _FOLLOWED) * spread[i] else None for i, j in enumerate(nearest)
-    )
