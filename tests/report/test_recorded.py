@@ -24,6 +24,12 @@ def test_a_rollout_is_seen_as_far_as_the_motion_itself_goes_and_its_error_is_sai
     assert ax.get_ylim() == pytest.approx((-0.15, most), abs=2e-3)
 
 
+def test_rows_that_found_the_start_are_not_scored():
+    whole = np.where(np.arange(41)[:, None] < 10, MEASURED + 7, MEASURED + 0.25)
+    recording = RecordedPaths(name="run", ts=TS, measured=MEASURED, whole=whole, windows=(), scored_from=10)
+    assert plot_recorded(recording, 0, ax=Figure().subplots()).texts[0].get_text() == "rollout off by 0.25"
+
+
 @pytest.mark.parametrize("lost", [np.nan, np.inf, 1e300])
 def test_what_diverges_is_drawn_too(lost):
     ax = drawn(np.where(np.arange(41)[:, None] < 20, MEASURED, lost))

@@ -93,8 +93,10 @@ def test_each_verdict_says_what_judged():
 def test_fewer_numbers_must_fit_the_training_windows_better_too():
     verdict = Verdict(Judge.VALIDATION, 0.2, 0.3, 9, gained=1.0, wanted=0.0, fitted=(0.5, 0.4))
     assert not verdict.kept
-    assert str(verdict).endswith("; training loss 0.5, before 0.4)")
-    assert verdict._replace(fitted=(0.4, 0.5)).kept
+    assert str(verdict).endswith("; training loss 0.5, before 0.4, must fall too)")
+    better = verdict._replace(fitted=(0.4, 0.5))
+    assert better.kept
+    assert str(better).endswith("; training loss 0.4, before 0.5)")
 
 
 @pytest.mark.parametrize(("margin", "kept"), [(1.0, "not kept"), (-1.0, "kept as it was")])

@@ -22,8 +22,8 @@ _BETTER: Final = 0.85  # Of the errors; 0.81 and 0.75 on two simulated machines,
 def name_other_hold(model: AbstractDynamics, dataset: Dataset, solver: AbstractSolver) -> None:
     """Say on standard error how well inputs of the other `hold` predict the training recordings.
 
-    The model was fitted to inputs as the description has them: what is better with others, is so for a reason. Of few
-    windows nothing is said.
+    The model was fitted to inputs as the description has them: what is better with others, is so for a reason. Few
+    windows do not tell.
 
     Args:
         model: The run's model.
@@ -37,7 +37,8 @@ def name_other_hold(model: AbstractDynamics, dataset: Dataset, solver: AbstractS
     dataset = dataclasses.replace(dataset, train=tuple(dataset.train[i] for i in chosen), validation=(), test=())
     with show_work(f'comparing with `hold = "{other}"`'):
         scores = score_recordings(model, dataset, solver=solver)
-        if sum(each.windows for each in scores) < _FEWEST:
+        if (windows := sum(each.windows for each in scores)) < _FEWEST:
+            print(f"{windows} windows are too few to tell (at least {_FEWEST})", file=sys.stderr)
             return
         others = score_recordings(model, dataclasses.replace(dataset, hold=other), solver=solver)
     errors = [[each.in_motion.error for each in every] for every in (scores, others)]

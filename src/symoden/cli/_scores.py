@@ -98,7 +98,7 @@ def share_of_motion(recordings: Sequence[RecordingScore]) -> float:
 
 def _length(recordings: Sequence[RecordingScore]) -> str:
     """How long the windows are that predictions are scored over."""
-    return f"{recordings[0].window_rmse.horizon_s:g} s"
+    return f"{recordings[0].window_rmse.horizon_s:.3g} s"
 
 
 def _windowed(recordings: Sequence[RecordingScore]) -> tuple[list[RecordingScore], float, float]:

@@ -175,7 +175,7 @@ def band_words(score: BandScore) -> str:
     narrow = score.coverage < score.level - _MISSED
     calibrated = "training" if score.calibrated_on == "train" else score.calibrated_on
     return (
-        f"{score.level:.0%} bands over windows of {number(score.horizon_s)} s cover {score.coverage:.1%} of the "
+        f"{score.level:.0%} bands over windows of {score.horizon_s:.3g} s cover {score.coverage:.1%} of the "
         f"positions of the {score.split} recordings; median half width {number(score.half_width)}, "
         f"{score.from_parameters:.0%} of the variance from uncertain parameters; width set by the {calibrated} "
         "recordings"

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from symoden.data import Trajectory
+from symoden.data import Trajectory, first_samples
 from symoden.integrate import AbstractSolver
 from symoden.mechanics import AbstractDynamics
 
@@ -30,6 +30,7 @@ class RecordedPaths:
         measured: Measured coordinates.
         whole: One rollout from the first sample.
         windows: Rollouts of 1 s with their bands, each from a measured state; none without bands.
+        scored_from: First row that is scored: by those before it the rollout's start is found.
     """
 
     name: str
@@ -37,6 +38,7 @@ class RecordedPaths:
     measured: Float[np.ndarray, "T n"]
     whole: Float[np.ndarray, "T n"]
     windows: tuple[BandedPath, ...]
+    scored_from: int = 0
 
 
 def recorded_paths(
@@ -68,6 +70,7 @@ def recorded_paths(
             measured=each.q,
             whole=path.q,
             windows=tuple(window for _, window in banded),
+            scored_from=first_samples(each),
         )
         for each, path, banded in zip(recordings, whole, windows, strict=True)
     )

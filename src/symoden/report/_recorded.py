@@ -81,7 +81,7 @@ def plot_recorded(recording: RecordedPaths, index: int, *, ax: Axes) -> Axes:
     whole, way = recording.whole[:, index], float(np.ptp(measured)) or 1.0
     low, high = float(measured.min()), float(measured.max())
     with np.errstate(invalid="ignore", over="ignore"):
-        off = float(np.sqrt(np.mean((whole - measured) ** 2)))
+        off = float(np.sqrt(np.mean((whole - measured)[recording.scored_from :] ** 2)))
         # What a rollout does is shown as far as the motion itself goes.
         least, most = (float(np.clip(edge, low - way, high + way)) for edge in (np.nanmin(whole), np.nanmax(whole)))
     ax.set_ylim(min(low, least) - _ROOM * way, max(high, most) + _ROOM * way)

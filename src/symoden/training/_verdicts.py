@@ -123,7 +123,8 @@ class Verdict(NamedTuple):
         else:
             tells = f"{by} {loss}, before {before}: {self._size}"
         if self.fitted is not None:
-            tells += "; training loss {:.2g}, before {:.2g}".format(*self.fitted)
+            now, then = self.fitted
+            tells += f"; training loss {now:.2g}, before {then:.2g}" + ("" if now < then else ", must fall too")
         if self.kept and self.frees_friction:
             tells += "; frees friction's laws too, under learned priors"
         kept = "not kept" if not self.kept else "kept" if self.moved else "kept as it was"
