@@ -29,3 +29,13 @@ def test_names_of_curves_stay_in_their_panel_and_above_the_curves(names):
     assert panel.x0 <= legend.x0 < legend.x1 <= panel.x1
     assert ax.transData.transform((0, max(values.max() for values in curves.values())))[1] < legend.y0
     assert len(ax.get_legend().get_texts()) == len(names)
+
+
+@pytest.mark.parametrize(("peak", "highest"), [(100.0, 1.3), (0.2, 1.3)])
+def test_a_band_that_peaks_in_a_spot_does_not_hide_the_curve(peak, highest):
+    width = np.where(np.arange(21) == 10, peak, 0.2)
+    curves = {"M[1, 1]": np.where(np.arange(21) == 3, 1.0, 0.5)}
+    ax = plot_curves(XS, curves, {"M[1, 1]": width}, coordinate="q [rad]", symbol="M", ax=Figure().subplots())
+    low, high = ax.get_ylim()
+    assert low == 0.0
+    assert 1.2 < high <= 1.1 * highest

@@ -18,6 +18,8 @@ _POINTS: Final = 1500
 _SIZE: Final = (9.0, 6.5)
 _PANEL: Final = 1.6  # Least height of one.
 _FLOOR: Final = 1e-8
+_REST: Final = 4  # Times the longest settling that are drawn, and
+_FEWEST: Final = 20  # so many control periods at least: beside a long rest a short motion is a line upwards.
 
 
 def draw_control(result: ControlResult, *, positions: Sequence[str], inputs: Sequence[str]) -> Figure:
@@ -51,6 +53,9 @@ def draw_control(result: ControlResult, *, positions: Sequence[str], inputs: Seq
     axes[-1].set_yscale("log")
     axes[-1].set_ylabel("desired energy", fontsize=LABEL)
     axes[-1].set_xlabel("time [s]", fontsize=LABEL)
+    if result.verdict.success.all() and not isinstance(result.controller, Tracking):
+        moving = max(_REST * float(result.verdict.settling.max()), _FEWEST * float(ts[1]))
+        axes[-1].set_xlim(0.0, min(float(ts[-1]), moving))
     good = int(result.verdict.success.sum())
     figure.suptitle(
         f"{result.method} on {result.tried_on}: {good} of {len(result.verdict.success)} reach the target\n"

@@ -16,6 +16,7 @@ from ._style import COLOURS, DASHES, LABEL, SMALL, tidy
 
 _PANEL: Final = (3.2, 2.4)  # inches
 _BAND: Final = 0.22
+_SHOWN: Final = 0.9  # Share of a curve whose band sets the panel's height: a peak in one spot would hide the rest.
 _ROOM: Final = 0.1  # Above what is drawn from zero on, or a constant lies on the frame.
 _WIDE: Final = 2.5  # inches of a panel for the names of curves,
 _HIGH: Final = 1.7  # and its height;
@@ -79,11 +80,17 @@ def plot_curves(
     Returns:
         The same axes.
     """
+    edges = []
     for k, (name, values) in enumerate(curves.items()):
         colour, dashes = COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)]
         ax.plot(xs, values, color=colour, linestyle=dashes, linewidth=1.4, label=name)
         if widths is not None:
             ax.fill_between(xs, values - widths[name], values + widths[name], color=colour, alpha=_BAND, linewidth=0)
+            shown = np.minimum(widths[name], np.quantile(widths[name], _SHOWN))
+            edges += [values - shown, values + shown]
+    if edges:
+        room = ax.margins()[1] * np.ptp(edges)
+        ax.set_ylim(np.min(edges) - room, np.max(edges) + room)
     low, high = ax.get_ylim()
     if 0 < low < high:  # How much something changes is seen beside how large it is.
         ax.set_ylim(0.0, (1 + _ROOM) * high)
