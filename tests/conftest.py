@@ -38,10 +38,27 @@ UNCHECKED = {
         "late_inputs",
         "lone_inputs",
         "masking",
+        "read_dataset",
         "stuck",
         "velocities",
     },
-    "training": {"actuation", "directions", "first_guess", "inertia", "known", "left_out", "potential", "regression"},
+    "training": {
+        "actuation",
+        "beginnings",
+        "directions",
+        "disturbances",
+        "first_guess",
+        "inertia",
+        "known",
+        "late_inputs",
+        "left_out",
+        "level",
+        "potential",
+        "regression",
+        "trimmed",
+        "uniform",
+        "whitened_errors",
+    },
 }
 
 

@@ -24,7 +24,10 @@ def pendulum(level):
     return lambda q, v, u: (np.cos(q) if level else 1.0) * u - 2.0 * np.sin(q) - VISCOUS * v
 
 
-@pytest.mark.parametrize(("level", "kinds", "verdict"), [(True, ACTUATION, "kept"), (False, 0, "not kept")])
+@pytest.mark.parametrize(
+    ("level", "kinds", "verdict"),
+    [(True, ACTUATION, "kept"), pytest.param(False, 0, "not kept", marks=pytest.mark.slow)],
+)
 def test_a_force_that_turns_with_the_body_is_found_and_a_torque_stays_constant(
     level, kinds, verdict, driven, second_order
 ):

@@ -270,6 +270,7 @@ def test_what_is_small_is_found_in_a_round_of_its_own_also_by_a_run_in_strides(t
     assert eqx.tree_equal(last.model, whole.model)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_before_it_begins_anew_finds_it_again(tmp_path, monkeypatch):
     monkeypatch.setattr(_disturbances, "disturbed_spans", found_twice)
     dataset, prepared = swings(0, {}), []

@@ -142,7 +142,7 @@ def test_a_robot_is_as_heavy_as_its_file_says_where_nothing_else_gives_a_unit(pe
     assert as_heavy(given, begun, q) is given
 
 
-@pytest.mark.parametrize("gain", [1.0, -4.0])
+@pytest.mark.parametrize("gain", [-4.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_drives_are_what_bodies_leave_of_the_inertia(pendulum, plain, quick, gain):
     truth = Pendulum(damping=0.2)
     inertia = float(truth.mass_matrix(jnp.zeros(1))[0, 0])

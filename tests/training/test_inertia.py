@@ -36,7 +36,7 @@ def turntable(bead):
     return accelerate
 
 
-@pytest.mark.parametrize("bead", [True, False])
+@pytest.mark.parametrize("bead", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_bead_on_a_rod_is_found_and_a_rod_alone_keeps_its_inertia(bead, driven, second_order):
     seen = {"amplitude": np.array([1.6, 0.8]), "noise": 0.002}
     dataset = driven(turntable(bead), [0.3, 0.0], space="R1 T1", input_matrix=np.eye(2), **seen)

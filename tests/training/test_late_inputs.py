@@ -72,7 +72,12 @@ def seconds_in(words, key):
 
 @pytest.mark.parametrize(
     ("late", "seconds", "other"),
-    [("lag", 0.06, "delay"), ("lag", 0.15, "delay"), ("delay", 0.06, "lag"), ("delay", 0.12, "lag")],
+    [
+        ("lag", 0.06, "delay"),
+        ("delay", 0.06, "lag"),
+        pytest.param("lag", 0.15, "delay", marks=pytest.mark.slow),
+        pytest.param("delay", 0.12, "lag", marks=pytest.mark.slow),
+    ],
 )
 def test_lags_and_delays_are_found_and_told_from_each_other(late, seconds, other):
     verdict, (warning,) = asked(swing(**{late: seconds}))

@@ -80,7 +80,9 @@ def detents(q):
     return 2.0 * np.sin(q) + 1.5 * np.sin(6.0 * q)
 
 
-@pytest.mark.parametrize(("slope", "kinds"), [(detents, POTENTIAL), (lambda q: 2.0 * np.sin(q), 0)])
+@pytest.mark.parametrize(
+    ("slope", "kinds"), [(detents, POTENTIAL), pytest.param(lambda q: 2.0 * np.sin(q), 0, marks=pytest.mark.slow)]
+)
 def test_harmonics_of_single_angles_are_found_where_there_are_some(slope, kinds, driven, second_order):
     dataset = driven(masses(slope), [0.5], space="T1", amplitude=3.0, noise=0.002, input_matrix=np.eye(1))
     model = replace(MODEL, potential=BlockConfig(hidden=(3,), harmonics=True))
@@ -89,7 +91,7 @@ def test_harmonics_of_single_angles_are_found_where_there_are_some(slope, kinds,
     assert worst(result.model, slope, [-3.0], [3.0]) < 0.05
 
 
-@pytest.mark.parametrize("cogging", [3.0, 0.0])
+@pytest.mark.parametrize("cogging", [3.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_cogging_and_dry_friction_are_found_together(cogging, driven, second_order):
     def slope(q):
         return 2.0 * np.sin(q) + cogging * np.sin(12.0 * q)

@@ -242,6 +242,7 @@ def test_where_time_ends_before_rollouts_the_loss_is_that_of_rollouts(searching,
     assert found.loss == pytest.approx(loss, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_three_links_are_found_from_random_weights(swings, plain):
     config = TrainingConfig(validation=0.2)
     dataset = hold_out(swings(seconds=4.0, count=10), config)

@@ -42,6 +42,7 @@ def gain(model):
     return float((model.inverse_mass_matrix(jnp.zeros(1)) @ model.input_matrix(jnp.zeros(1)))[0, 0])
 
 
+@pytest.mark.slow
 def test_forces_that_hold_on_are_found_where_they_are_though_they_bend_the_model(monkeypatch):
     bent = []
 
@@ -88,7 +89,9 @@ def test_of_windows_without_some_there_are_as_many_and_none_of_these(count, draw
 
 
 @pytest.mark.parametrize(
-    "config", [BRIEF, dataclasses.replace(BRIEF, growth_steps=0)], ids=["more follows", "the last"]
+    "config",
+    [BRIEF, pytest.param(dataclasses.replace(BRIEF, growth_steps=0), marks=pytest.mark.slow)],
+    ids=["more follows", "the last"],
 )
 def test_a_run_whose_time_ends_while_it_looks_looks_again(tmp_path, monkeypatch, config):
     dataset = swings(0, HELD)

@@ -111,7 +111,7 @@ def test_parts_that_do_not_depend_on_anything_cannot_be_closed():
     assert not any(Uniform(part).has(structureless) for part in PARTS)
 
 
-@pytest.mark.parametrize("stiffness", [0.0, 4.0])
+@pytest.mark.parametrize("stiffness", [0.0, pytest.param(4.0, marks=pytest.mark.slow)])
 def test_a_motor_has_no_potential_and_a_spring_has_one(stiffness, driven, second_order):
     def accelerate(q, v, u):
         return (u - 0.3 * v - stiffness * q) / 0.5
@@ -143,7 +143,7 @@ def pair(bends):
     return inertia, accelerate
 
 
-@pytest.mark.parametrize("bends", [0, 1])
+@pytest.mark.parametrize("bends", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_wheel_leaves_the_inertia_constant_and_an_elbow_does_not(bends, driven, second_order):
     inertia, accelerate = pair(bends)
     dataset = driven(accelerate, [0.3, 0.0], space="T2", input_matrix=np.eye(2), noise=0.002)
@@ -215,6 +215,7 @@ def data_of(model, data):
     return data._replace(train=batch._replace(q=q, rates=rates))
 
 
+@pytest.mark.slow
 def test_what_is_closed_stays_so_through_priors_that_are_learned_and_longer_windows(driven, second_order):
     def accelerate(q, v, u):
         return (u - 0.3 * v - 0.4 * v / np.sqrt(v**2 + 0.01**2)) / 0.5
