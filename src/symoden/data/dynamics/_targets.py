@@ -34,20 +34,20 @@ def find_targets(dataset: Dataset, units: Mapping[str, float], is_angle: np.ndar
     untold = {name: "rad" for name in joints.values() if name not in units}
     named = ", ".join(f"`{joints[j]}` goes where `{dataset.input_names[i]}` says" for i, j in targets)
     given = dataset.known is not None and "potential_energy" in dataset.known.given
-    lacks = "the V under [known] may not have" if given else "a periodic V cannot be"
+    spaced = f'write `space = "{space}"`' + (f", {entry(untold, units)}" if untold else "")
     return [
         Finding(
             kind="target",
             level="warning",
             channel=dataset.input_names[targets[0][0]] if len(targets) == 1 else "",
-            text=f"in [train] {named}, as the joint of a position servo does. That is a spring between both, which "
-            f"{lacks}: predictions may be ten times worse",
+            text=f"in [train] {named}, as the joint of a position servo does. That is a spring between both, which a "
+            "periodic V cannot be: predictions may be ten times worse",
             advice=(
-                "Add the spring to V, or take what the motor does (its current or torque) for the input."
+                f"If it is a servo, take what its motor does (current or torque) for the input; or {spaced}, and add "
+                "the spring to V under [known]."
                 if given
-                else f'If it is a servo and never goes round, write `space = "{space}"`'
-                + (f", {entry(untold, units)}" if untold else "")
-                + ", and compare errors of recordings that training has not seen."
+                else f"If it is a servo and never goes round, {spaced}, and compare errors of recordings that training "
+                "has not seen."
             ),
         )
     ]
