@@ -17,7 +17,6 @@ from .checks import (
     Examination,
     find_absent,
     find_fast_sampling,
-    find_feedback,
     find_finer_sampling,
     find_masked,
     find_merged,
@@ -142,14 +141,12 @@ def _together(
         return [refusal(error)] if whole else []  # What is true of those that are left need not be of all.
     dataset = with_full_names(dataset, logs)
     doubts = find_doubts(dataset, description, is_angle)
-    late = any(one.kind == "delay" and one.level == "warning" for one in doubts.description)
-    feedback = [] if late else find_feedback(dataset, is_angle)  # By a delay far off inputs seem to be fed back.
     logged = float(np.median(np.concatenate([np.diff(log.ts[np.isfinite(log.ts)]) for log in logs])))
     slow = find_slow_sampling(dataset, is_angle, resample=description.resample, logged=logged)
     finer = find_finer_sampling(resample=description.resample, logged=logged)
     pace = *finer, *slow, *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
-    inputs = *feedback, *find_untold_inputs(dataset), *find_tied_positions(dataset)
+    inputs = *find_untold_inputs(dataset), *find_tied_positions(dataset)
     return [*copies, *find_short(dataset, is_angle), *pace, *inputs, *doubts.description, *doubts.files]
 
 

@@ -1,7 +1,6 @@
 """What is wrong with single logs, and what is worth knowing of them."""
 
 from ._examine import Examination as Examination, is_idle as is_idle, stands_still as stands_still
-from ._feedback import find_feedback as find_feedback
 from ._left_out import find_absent as find_absent, find_masked as find_masked, find_merged as find_merged
 from ._lengths import find_short as find_short
 from ._pace import (
@@ -17,7 +16,6 @@ __all__ = [
     "Examination",
     "find_absent",
     "find_fast_sampling",
-    "find_feedback",
     "find_finer_sampling",
     "find_masked",
     "find_merged",

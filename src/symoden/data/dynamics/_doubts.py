@@ -1,4 +1,4 @@
-"""What accelerations speak against: the description as a whole, or single files."""
+"""What inputs and accelerations speak against: the description as a whole, or single files."""
 
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from symoden.data.description import Description
 from ._bumps import bumps_of
 from ._contradictions import find_contradictions
 from ._false_cyclic import find_false_cyclic
+from ._feedback import find_feedback
 from ._few_rows import find_few_rows
 from ._hold import find_other_hold
 from ._input_signs import find_input_signs
@@ -21,7 +22,7 @@ from ._targets import find_targets
 
 
 class Doubts(NamedTuple):
-    """What accelerations speak against.
+    """What inputs and accelerations speak against.
 
     Attributes:
         description: What it says of inputs and coordinates of all files.
@@ -36,7 +37,7 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
     """Say what the description says wrongly of inputs and of cyclic coordinates, and which files contradict the others.
 
     By another delay inputs seem to be held otherwise, to push the other way round, or to be late in some files, so that
-    it goes before all of these; and by a late sensor inputs seem to be early.
+    it goes before all of these; by one that is far off they seem to be fed back; and by a late sensor to be early.
 
     Args:
         dataset: Recordings as training sees them.
@@ -59,4 +60,6 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
         places = find_false_cyclic(dataset, bumps, is_angle)
     few = find_few_rows(dataset, description, is_angle)
     targets = find_targets(dataset, description.units, is_angle)
-    return Doubts([*targets, *late, *acting, *places, *few], find_contradictions(dataset, is_angle, late=bool(late)))
+    far_off = any(one.level == "warning" for one in late)
+    inputs = [*targets, *([] if far_off else find_feedback(dataset, is_angle))]
+    return Doubts([*inputs, *late, *acting, *places, *few], find_contradictions(dataset, is_angle, late=bool(late)))

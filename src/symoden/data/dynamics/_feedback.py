@@ -6,7 +6,9 @@ import numpy as np
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
-from symoden.data.dynamics import shares_told, targets_of
+
+from ._targets import targets_of
+from ._told_inputs import shares_told
 
 _FOLLOWS: Final = 0.8  # Share of an input's variance; 0.87 on a measured ball on a beam whose input training lost.
 _CONFUSED: Final = {"V": "potential_energy", "D": "dissipation_matrix"}  # What may do the same as such an input.
