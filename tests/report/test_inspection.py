@@ -31,6 +31,12 @@ def test_names_of_curves_stay_in_their_panel_and_above_the_curves(names):
     assert len(ax.get_legend().get_texts()) == len(names)
 
 
+@pytest.mark.parametrize("width", [0.0, np.inf, np.nan])
+def test_what_has_no_height_or_no_end_is_drawn_too(width):
+    ax = plot_curves(XS, {"V": 0 * XS}, {"V": XS * 0 + width}, coordinate="q", symbol="V", ax=Figure().subplots())
+    assert np.isfinite(ax.get_ylim()).all()
+
+
 @pytest.mark.parametrize(("peak", "highest"), [(100.0, 1.3), (0.2, 1.3)])
 def test_a_band_that_peaks_in_a_spot_does_not_hide_the_curve(peak, highest):
     width = np.where(np.arange(21) == 10, peak, 0.2)
