@@ -86,7 +86,7 @@ def plot_curves(
         ax.plot(xs, values, color=colour, linestyle=dashes, linewidth=1.4, label=name)
         if widths is not None:
             ax.fill_between(xs, values - widths[name], values + widths[name], color=colour, alpha=_BAND, linewidth=0)
-            shown = np.minimum(widths[name], np.quantile(widths[name], _SHOWN))
+            shown = np.minimum(widths[name], np.quantile(widths[name], _SHOWN, method="lower"))
             edges += [values - shown, values + shown]
     if edges and 0 < (room := ax.margins()[1] * float(np.ptp(edges))) < np.inf:
         ax.set_ylim(np.min(edges) - room, np.max(edges) + room)
