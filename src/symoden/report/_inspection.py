@@ -88,7 +88,7 @@ def plot_curves(
             ax.fill_between(xs, values - widths[name], values + widths[name], color=colour, alpha=_BAND, linewidth=0)
             shown = np.minimum(widths[name], np.quantile(widths[name], _SHOWN, method="lower"))
             edges += [values - shown, values + shown]
-    if edges and 0 < (room := ax.margins()[1] * float(np.ptp(edges))) < np.inf:
+    if edges and 0 < (room := _ROOM * float(np.ptp(edges)) / 2) < np.inf:
         ax.set_ylim(np.min(edges) - room, np.max(edges) + room)
     low, high = ax.get_ylim()
     if 0 < low < high:  # How much something changes is seen beside how large it is.
