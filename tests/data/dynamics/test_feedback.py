@@ -106,7 +106,7 @@ def fed_back(seed, *, samples=800, step=0.01):
     return np.array(rows) + rng.normal(0, 1e-3, (samples, 7)) * [0, 1, 1, 1, 1, 0, 0]
 
 
-def servo(path, space, more="", *, gain=1.0, lag=0.05):
+def servo(path, space, more="", *, units="", gain=1.0, lag=0.05, logged=1.0, zero=7.0):
     """A pendulum beside a joint that goes where its target was a moment ago, rounded as encoders do."""
     ts = 0.02 * np.arange(600)
 
@@ -114,14 +114,14 @@ def servo(path, space, more="", *, gain=1.0, lag=0.05):
         return 0.7 * np.sin(2.1 * t) + 0.3 * np.sin(4.7 * t) + 0.4
 
     log = arm(samples=600)
-    positions = np.column_stack([log[:, 1], np.round(target(ts - lag), 3)])
-    inputs = np.column_stack([np.random.default_rng(1).normal(size=600), gain * target(ts)])
+    positions = np.column_stack([log[:, 1], logged * np.round(target(ts - lag), 3)])
+    inputs = np.column_stack([np.random.default_rng(1).normal(size=600), gain * (target(ts) + zero)])
     rows = np.column_stack([ts, positions, inputs])
     np.savetxt(path / "run.csv", rows, delimiter=",", header="t,swing,wrist,u,goal", comments="")
     file = path / "servo.toml"
     file.write_text(
         f'space = "{space}"\ntime = "t"\npositions = ["swing", "wrist"]\ninputs = ["u", "goal"]\n'
-        f'[train]\nfiles = ["run.csv"]\n{more}'
+        f'{units}[train]\nfiles = ["run.csv"]\n{more}'
     )
     return {one.kind: one for one in check_dataset(file).findings if one.kind in {"feedback", "target"}}
 
@@ -141,6 +141,18 @@ def test_where_v_is_given_the_motor_s_torque_is_asked_for_or_the_spring(tmp_path
     advice = servo(tmp_path, "T2", '[known]\npotential_energy = "cos(q1)"\n')["target"].advice
     assert "current or torque" in advice
     assert advice.endswith("add the spring to V under [known].")
+
+
+@pytest.mark.parametrize(("gain", "units"), [(57.3, {}), (57.3, {"wrist": "deg"}), (650.0, {"wrist": 1 / 650})])
+def test_targets_may_be_in_degrees_or_in_what_the_position_was_logged_in(tmp_path, gain, units):
+    """Counted from another zero, and the position converted or not."""
+    said = "".join(f"{name} = {unit if isinstance(unit, float) else repr(unit)}" for name, unit in units.items())
+    found = servo(
+        tmp_path, "T2", units=f"units = {{{said}}}\n" if said else "", gain=gain, logged=gain if said else 1.0
+    )
+    assert found.keys() == {"target"}
+    assert ("units" in found["target"].advice) == (not said)
+    assert '`space = "T1 R1"`' in found["target"].advice
 
 
 @pytest.mark.parametrize(("gain", "lag"), [(3.0, 0.05), (-1.0, 0.05), (1.0, 1.0)])

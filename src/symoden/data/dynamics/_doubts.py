@@ -61,5 +61,5 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
     few = find_few_rows(dataset, description, is_angle)
     targets = find_targets(dataset, description.units, is_angle)
     far_off = any(one.level == "warning" for one in late)
-    inputs = [*targets, *([] if far_off else find_feedback(dataset, is_angle))]
+    inputs = [*targets, *([] if far_off else find_feedback(dataset, description.units, is_angle))]
     return Doubts([*inputs, *late, *acting, *places, *few], find_contradictions(dataset, is_angle, late=bool(late)))

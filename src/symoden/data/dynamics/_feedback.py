@@ -1,5 +1,6 @@
 """Inputs that follow the state: by feedback, in slow motion, at one frequency alone; or that the state follows."""
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -14,7 +15,7 @@ _FOLLOWS: Final = 0.8  # Share of an input's variance; 0.87 on a measured ball o
 _CONFUSED: Final = {"V": "potential_energy", "D": "dissipation_matrix"}  # What may do the same as such an input.
 
 
-def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
+def find_feedback(dataset: Dataset, units: Mapping[str, float], is_angle: np.ndarray) -> list[Finding]:
     """Say which inputs are nearly a function of positions and velocities.
 
     What such an input does cannot be told from what a spring or a damper does, unless both are known: a model may
@@ -22,6 +23,7 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
 
     Args:
         dataset: Recordings as training sees them.
+        units: Units of columns that the description gives.
         is_angle: Whether each coordinate is an angle.
 
     Returns:
@@ -32,7 +34,7 @@ def find_feedback(dataset: Dataset, is_angle: np.ndarray) -> list[Finding]:
     if not dataset.train or not dataset.inputs or not confused:
         return []
     share = shares_told(dataset, is_angle)
-    is_target = [j is not None for j in targets_of(dataset)]
+    is_target = [j is not None for j in targets_of(dataset, units)]
     follows = np.flatnonzero((share > _FOLLOWS) & ~np.array(is_target))
     if not len(follows):
         return []

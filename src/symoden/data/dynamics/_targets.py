@@ -1,16 +1,23 @@
 """Targets of position servos: inputs that say where positions go."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
-from symoden.data.description import entry
+from symoden.data._trajectory import Trajectory, median_step
+from symoden.data.description import entry, of_column
+from symoden.wording import first_few
 
-_FOLLOWED: Final = 0.9  # Share of a target's variance that its position is; 0.99 of a servo, elsewhere below 0.4.
+_FOLLOWED: Final = 0.9  # Share of a target's variance that its position is; 0.99 of a servo.
 _CONSTANT: Final = 1e-12  # Variance that is rounding, relative to the mean square.
+_NAMED: Final = 3  # Joints.
+_LATEST: Final = 0.25  # [s] after its target that a position is where it said, as so slow a servo has it;
+_LAGS: Final = 9  # of which so many are tried.
+_TINY: Final = np.finfo(float).tiny
 
 
 def find_targets(dataset: Dataset, units: Mapping[str, float], is_angle: np.ndarray) -> list[Finding]:
@@ -26,13 +33,13 @@ def find_targets(dataset: Dataset, units: Mapping[str, float], is_angle: np.ndar
     """
     from symoden.spaces import Space  # imports JAX
 
-    targets = [(i, j) for i, j in enumerate(targets_of(dataset)) if j is not None and is_angle[j]]
+    targets = [(i, j) for i, j in enumerate(targets_of(dataset, units)) if j is not None and is_angle[j]]
     if not targets:
         return []
     joints = {j: dataset.position_names[j] for _, j in targets}
     space = Space(tuple(bool(angle) and j not in joints for j, angle in enumerate(is_angle)))
-    untold = {name: "rad" for name in joints.values() if name not in units}
-    named = ", ".join(f"`{joints[j]}` goes where `{dataset.input_names[i]}` says" for i, j in targets)
+    untold = {name: "rad" for name in joints.values() if of_column(name, units) is None}
+    named = first_few((f"`{joints[j]}` goes where `{dataset.input_names[i]}` says" for i, j in targets), _NAMED)
     given = dataset.known is not None and "potential_energy" in dataset.known.given
     spaced = f'write `space = "{space}"`' + (f", {entry(untold, units)}" if untold else "")
     return [
@@ -53,22 +60,42 @@ def find_targets(dataset: Dataset, units: Mapping[str, float], is_angle: np.ndar
     ]
 
 
-def targets_of(dataset: Dataset) -> tuple[int | None, ...]:
-    """Find which position each input is the target of: the one that is nearly equal to it, in its own unit.
+def targets_of(dataset: Dataset, units: Mapping[str, float]) -> tuple[int | None, ...]:
+    """Find which position each input is the target of: the one that is nearly equal to it a moment later.
+
+    Targets may count from another zero, in the unit of the position, in the one that it was logged in, or in degrees.
 
     Args:
         dataset: Recordings as training sees them.
+        units: Units of columns that the description gives.
 
     Returns:
         For each input the coordinate that goes where it says; `None` where there is none.
     """
-    if not dataset.train:
+    if not dataset.train or not dataset.inputs:
         return (None,) * dataset.inputs
-    q, us = (np.concatenate([getattr(each, name) for each in dataset.train]) for name in ("q", "us"))
-    left = np.mean((us[:, :, None] - q[:, None, :]) ** 2, axis=0)
-    spread = np.var(us, axis=0)
-    nearest = np.argmin(left, axis=1) if us.shape[1] else []
-    moves = spread > _CONSTANT * np.mean(us**2, axis=0)
-    return tuple(
-        int(j) if moves[i] and left[i, j] < (1 - _FOLLOWED) * spread[i] else None for i, j in enumerate(nearest)
+    logged = [of_column(name, units) or 1.0 for name in dataset.position_names]
+    factors = np.array([[1.0, np.pi / 180, factor] for factor in logged])
+    us = np.concatenate([each.us for each in dataset.train])
+    moves = np.var(us, axis=0) > _CONSTANT * np.mean(us**2, axis=0)
+    step = median_step(dataset.train)
+    lags = np.unique(np.round(np.linspace(0.0, _LATEST / step, _LAGS)).astype(int))
+    left = np.min([_left(dataset.train, factors, int(lag)) for lag in lags], axis=0)
+    nearest = np.argmin(left, axis=1)
+    return tuple(int(j) if moves[i] and left[i, j] < 1 - _FOLLOWED else None for i, j in enumerate(nearest))
+
+
+def _left(recordings: Sequence[Trajectory], factors: Float[np.ndarray, "n f"], lag: int) -> Float[np.ndarray, "m n"]:
+    """Share of each input's variance that a position some rows later is not, of its nearest unit."""
+    long = [each for each in recordings if len(each) > lag + 1]
+    if not long:
+        return np.full((recordings[0].us.shape[1], len(factors)), np.inf)
+    us = np.concatenate([each.us[: len(each) - lag] for each in long])
+    q = np.concatenate([each.q[lag:] for each in long])
+    errors = [np.var(u[:, None, None] * factors - q[:, :, None], axis=0) for u in us.T]
+    return np.array(
+        [
+            np.min(error / np.maximum(np.var(u) * factors**2, _TINY), axis=1)
+            for u, error in zip(us.T, errors, strict=True)
+        ]
     )
