@@ -69,7 +69,7 @@ def test_the_examples_are_descriptions(tmp_path):
 def test_the_smallest_example_reads_files(tmp_path):
     (tmp_path / "logs").mkdir()
     ts = 0.002 * np.arange(200)
-    columns = np.stack([ts, np.sin(3 * ts), np.cos(ts)], axis=1)
+    columns = np.stack([ts, np.sin(3 * ts), np.random.default_rng(0).normal(size=200)], axis=1)
     np.savetxt(tmp_path / "logs" / "run.csv", columns, delimiter=",", header="t,q,tau", comments="")
     path = tmp_path / "arm.toml"
     path.write_text(blocks("toml")[0])
