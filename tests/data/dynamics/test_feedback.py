@@ -158,3 +158,8 @@ def test_targets_may_be_in_degrees_or_in_what_the_position_was_logged_in(tmp_pat
 @pytest.mark.parametrize(("gain", "lag"), [(3.0, 0.05), (-1.0, 0.05), (1.0, 1.0)])
 def test_an_input_in_another_unit_or_far_from_the_position_is_no_target(tmp_path, gain, lag):
     assert "target" not in servo(tmp_path, "T2", gain=gain, lag=lag)
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e200])
+def test_inputs_that_never_change_or_are_huge_are_no_targets(tmp_path, scale):
+    assert "target" not in servo(tmp_path, "T2", gain=scale)

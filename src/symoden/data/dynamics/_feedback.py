@@ -1,4 +1,4 @@
-"""Inputs that follow the state: by feedback, in slow motion, at one frequency alone; or that the state follows."""
+"""Inputs that follow the state: by feedback, because the machine moves slowly, or at one frequency alone."""
 
 from collections.abc import Mapping
 from typing import Final

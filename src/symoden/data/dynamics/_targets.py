@@ -17,7 +17,6 @@ _CONSTANT: Final = 1e-12  # Variance that is rounding, relative to the mean squa
 _NAMED: Final = 3  # Joints.
 _LATEST: Final = 0.25  # [s] after its target that a position is where it said, as so slow a servo has it;
 _LAGS: Final = 9  # of which so many are tried.
-_TINY: Final = np.finfo(float).tiny
 
 
 def find_targets(dataset: Dataset, units: Mapping[str, float], is_angle: np.ndarray) -> list[Finding]:
@@ -76,26 +75,29 @@ def targets_of(dataset: Dataset, units: Mapping[str, float]) -> tuple[int | None
         return (None,) * dataset.inputs
     logged = [of_column(name, units) or 1.0 for name in dataset.position_names]
     factors = np.array([[1.0, np.pi / 180, factor] for factor in logged])
-    us = np.concatenate([each.us for each in dataset.train])
-    moves = np.var(us, axis=0) > _CONSTANT * np.mean(us**2, axis=0)
-    step = median_step(dataset.train)
-    lags = np.unique(np.round(np.linspace(0.0, _LATEST / step, _LAGS)).astype(int))
+    lags = np.unique(np.round(np.linspace(0.0, _LATEST / median_step(dataset.train), _LAGS)).astype(int))
     left = np.min([_left(dataset.train, factors, int(lag)) for lag in lags], axis=0)
     nearest = np.argmin(left, axis=1)
-    return tuple(int(j) if moves[i] and left[i, j] < 1 - _FOLLOWED else None for i, j in enumerate(nearest))
+    return tuple(int(j) if left[i, j] < 1 - _FOLLOWED else None for i, j in enumerate(nearest))
 
 
+@np.errstate(divide="ignore", over="ignore", invalid="ignore")
 def _left(recordings: Sequence[Trajectory], factors: Float[np.ndarray, "n f"], lag: int) -> Float[np.ndarray, "m n"]:
-    """Share of each input's variance that a position some rows later is not, of its nearest unit."""
+    """Share of each input's variance that a position some rows later is not, of its nearest unit.
+
+    Returns:
+        The shares; infinite where nothing can be compared, as of an input that is constant.
+    """
     long = [each for each in recordings if len(each) > lag + 1]
     if not long:
         return np.full((recordings[0].us.shape[1], len(factors)), np.inf)
     us = np.concatenate([each.us[: len(each) - lag] for each in long])
     q = np.concatenate([each.q[lag:] for each in long])
-    errors = [np.var(u[:, None, None] * factors - q[:, :, None], axis=0) for u in us.T]
-    return np.array(
-        [
-            np.min(error / np.maximum(np.var(u) * factors**2, _TINY), axis=1)
-            for u, error in zip(us.T, errors, strict=True)
-        ]
-    )
+    spread = np.var(us, axis=0)
+    spread[spread <= _CONSTANT * np.mean(us**2, axis=0)] = np.nan
+    together = (us - us.mean(axis=0)).T @ (q - q.mean(axis=0)) / len(q)
+    shares = [
+        1 - 2 * together / np.outer(spread, factor) + np.var(q, axis=0) / np.outer(spread, factor**2)
+        for factor in factors.T
+    ]
+    return np.nan_to_num(np.min(shares, axis=0), nan=np.inf)
