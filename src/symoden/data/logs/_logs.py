@@ -218,7 +218,7 @@ def _refuse_other_size(path: Path, space: str, is_angle: np.ndarray, columns: in
         raise DataError(
             f"`{path}`: `space` must have one coordinate per position column; `{space}` has {len(is_angle)}, "
             f"`positions` has {columns}. Write for example R{columns} for lengths, T{columns} for angles; a column "
-            'whose cells hold lists is several: "state[0]", "state[1]".'
+            'whose cells hold lists is taken whole by `positions = "state"`, or one by one: "state[0]", "state[1]".'
         )
 
 
