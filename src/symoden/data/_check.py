@@ -146,7 +146,7 @@ def _together(
     finer = find_finer_sampling(resample=description.resample, logged=logged)
     pace = *finer, *slow, *find_fast_sampling(dataset, is_angle)
     copies = [] if reading.refusals else find_copies(logs)  # Rows in common are no copies, and said already.
-    inputs = *find_untold_inputs(dataset), *find_tied_positions(dataset)
+    inputs = *doubts.inputs, *find_untold_inputs(dataset), *find_tied_positions(dataset)
     return [*copies, *find_short(dataset, is_angle), *pace, *inputs, *doubts.description, *doubts.files]
 
 

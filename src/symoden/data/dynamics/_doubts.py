@@ -27,10 +27,12 @@ class Doubts(NamedTuple):
     Attributes:
         description: What it says of inputs and coordinates of all files.
         files: Files that contradict the others.
+        inputs: Inputs of which it is doubtful whether what they do can be told; nothing is wrong with them.
     """
 
     description: list[Finding]
     files: list[Finding]
+    inputs: list[Finding]
 
 
 def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray) -> Doubts:
@@ -61,5 +63,8 @@ def find_doubts(dataset: Dataset, description: Description, is_angle: np.ndarray
     few = find_few_rows(dataset, description, is_angle)
     targets = find_targets(dataset, description.units, is_angle)
     far_off = any(one.level == "warning" for one in late)
-    inputs = [*targets, *([] if far_off else find_feedback(dataset, description.units, is_angle))]
-    return Doubts([*inputs, *late, *acting, *places, *few], find_contradictions(dataset, is_angle, late=bool(late)))
+    return Doubts(
+        description=[*targets, *late, *acting, *places, *few],
+        files=find_contradictions(dataset, is_angle, late=bool(late)),
+        inputs=[] if far_off else find_feedback(dataset, description.units, is_angle),
+    )
