@@ -51,12 +51,21 @@ def test_every_unit_format_and_finding_is_documented_and_no_other():
 
 
 def test_the_examples_are_descriptions(tmp_path):
-    smallest, full, thrusts, made, steered, pole, joined = blocks("toml")
+    smallest, full, thrusts, made, steered, pole, teleoperated, joined = blocks("toml")
     drone = (
         'space = "R2 T1"\ntime = "t"\npositions = ["x", "z", "theta"]\ninputs = ["f1", "f2"]\n[train]\nfiles = ["*"]\n'
     )
     bench = smallest.replace('["tau"]', '["current", "push", "third"]').replace("[train]", f"{made}[train]")
-    for text in (smallest, full, drone + thrusts, bench, steered, steered + pole, 'space = "T2"\n' + joined):
+    for text in (
+        smallest,
+        full,
+        drone + thrusts,
+        bench,
+        steered,
+        steered + pole,
+        teleoperated,
+        'space = "T2"\n' + joined,
+    ):
         path = tmp_path / "arm.toml"
         path.write_text(text)
         read_description(path)
