@@ -155,7 +155,15 @@ def test_targets_may_be_in_degrees_or_in_what_the_position_was_logged_in(tmp_pat
     assert '`space = "T1 R1"`' in found["target"].advice
 
 
-@pytest.mark.parametrize(("gain", "lag"), [(3.0, 0.05), (-1.0, 0.05), (1.0, 1.0)])
+def test_a_slow_servo_is_named_too(tmp_path):
+    assert servo(tmp_path, "T2", lag=0.2).keys() == {"target"}
+
+
+def test_a_target_may_be_in_radians_beside_positions_that_were_logged_in_another_unit(tmp_path):
+    assert "target" in servo(tmp_path, "T2", units='units = {wrist = "deg"}\n', logged=180 / np.pi)
+
+
+@pytest.mark.parametrize(("gain", "lag"), [(3.0, 0.05), (-1.0, 0.05), (1.0, 1.0), (1.0, -0.2)])
 def test_an_input_in_another_unit_or_far_from_the_position_is_no_target(tmp_path, gain, lag):
     assert "target" not in servo(tmp_path, "T2", gain=gain, lag=lag)
 
