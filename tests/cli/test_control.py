@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from symoden.cli import _checks, _control, main
-from symoden.cli._control import beyond_data, hardly_moves
-from symoden.control import METHODS, Compiled, load_controller
+from symoden.cli._control import beyond_data, hardly_moves, pace_words
+from symoden.control import METHODS, Compiled, Loop, load_controller
 from symoden.evaluation import Ranges
 from symoden.experiments import (
     RunConfig,
@@ -229,7 +229,19 @@ def test_a_controller_is_tried_on_the_learned_model(arm_run, tmp_path, capsys):
     assert answer["max_input"] == pytest.approx([1.0], abs=0.01)  # the largest in the logs
     assert figure.exists()
     assert main(words) == 0
-    assert "on the learned model, inputs up to" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "on the learned model, inputs up to" in said
+    assert "inputs of the data are held for 50 ms: `--period 0.05` tries" in said
+
+
+def test_a_controller_that_is_faster_than_inputs_were_is_offered_their_pace(arm_run):
+    config = read_run(arm_run)
+    slow = dataclasses.replace(config.data, step=0.05)
+    assert list(pace_words(Loop(period=0.02), slow)) == [
+        "inputs of the data are held for 50 ms: `--period 0.05` tries the controller at their pace."
+    ]
+    assert not list(pace_words(Loop(period=0.02), dataclasses.replace(slow, hold="linear")))
+    assert not list(pace_words(Loop(period=0.05), slow))
 
 
 @pytest.mark.parametrize(("unit", "label"), [("rad", "q [rad]"), ("m", "q [m]"), ("", "q")])

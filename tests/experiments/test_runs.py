@@ -221,6 +221,13 @@ def test_a_run_keeps_what_its_coordinates_are_measured_in(tmp_path):
         read_run(tmp_path)
 
 
+def test_a_run_keeps_how_far_apart_rows_are(tmp_path):
+    write_run(tmp_path, settings())
+    assert read_run(tmp_path).data.step == pytest.approx(0.1)
+    changed(tmp_path, lambda value: value["data"].pop("step"))  # As of runs from before this was kept.
+    assert read_run(tmp_path).data.step == 0.0
+
+
 OTHERS = {
     "length": dataclasses.replace(DRIVEN, train=(swing(), swing(samples=32))),
     "part": dataclasses.replace(DRIVEN, train=DRIVEN.train[:1], test=DRIVEN.train[1:]),

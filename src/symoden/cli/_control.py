@@ -15,6 +15,7 @@ from symoden.control import Loop, Method, Tolerance, has_height, indifferent, in
 from symoden.experiments import (
     ControlConfig,
     ControlResult,
+    DataSummary,
     RunConfig,
     learned_machine,
     machine_of,
@@ -40,6 +41,7 @@ from ._words import name_unfinished
 _TIMES: Final = 4  # As far as the tolerance is what tells nothing.
 _OUTSIDE: Final = 0.05  # Of the range of the data.
 _MOSTLY: Final = 0.5  # Of the visited states.
+_SLOWER: Final = 2.0  # Times the control period that rows are apart.
 
 
 def run(command: Control) -> None:
@@ -81,7 +83,7 @@ def run(command: Control) -> None:
     if command.general.json:
         print_json(_as_json(result, settings, outside, command))
     else:
-        _print(result, settings, outside, _coordinates(result, config))
+        _print(result, settings, outside, config)
         for what, path in (("controller", command.out), ("figure", command.figure), ("animation", command.video)):
             if path is not None:
                 print(f"{what}: {path}")
@@ -177,14 +179,12 @@ def _coordinates(result: ControlResult, config: RunConfig) -> list[tuple[str, st
     return list(zip(data.position_names, units, strict=True))
 
 
-def _print(
-    result: ControlResult, settings: ControlConfig, outside: float, coordinates: Sequence[tuple[str, str]]
-) -> None:
+def _print(result: ControlResult, settings: ControlConfig, outside: float, config: RunConfig) -> None:
     """How it went, in words."""
     verdict, audit, loop = result.verdict, result.audit, settings.loop
     limits = ", ".join(number(limit) for limit in result.limits)
     print(f"{result.method} on {result.tried_on}, inputs up to {limits}, every {1e3 * loop.period:g} ms{_late(loop)}")
-    print(f"episodes begin with {', '.join(_start_words(result, coordinates))}")
+    print(f"episodes begin with {', '.join(_start_words(result, _coordinates(result, config)))}")
     rows = [
         ["successes", f"{int(verdict.success.sum())} of {len(verdict.success)}"],
         ["median settling time [s]", result.settling],
@@ -205,7 +205,8 @@ def _print(
             ["at the natural speed", f"{matching.moving:.2g}", f"({then})"],
         ]
         print_table("forces that no input matches, relative to the largest load", ("", "largest", "at q"), rows)
-    for line in (*_stuck_words(result), *_other_methods(result), *_outside_words(result, outside)):
+    pace = pace_words(loop, config.data) if result.machine.learned else ()
+    for line in (*pace, *_stuck_words(result), *_other_methods(result), *_outside_words(result, outside)):
         print(line)
     if audit.share < 1:
         q, v = (", ".join(number(x) for x in part) for part in (audit.worst_q, audit.worst_v))
@@ -217,6 +218,23 @@ def _late(loop: Loop) -> str:
     delay = f", {1e3 * loop.delay:.3g} ms late" if loop.delay else ""
     lag = ", ".join(f"{1e3 * each:.3g}" for each in loop.lag) if any(loop.lag) else ""
     return delay + (f", with a lag of {lag} ms" if lag else "")
+
+
+def pace_words(loop: Loop, data: DataSummary) -> Iterator[str]:
+    """Offer the pace at which inputs changed in the data, where the controller is much faster.
+
+    Args:
+        loop: The loop that it was tried in.
+        data: What the run keeps of its data.
+
+    Yields:
+        The offer, if there is one.
+    """
+    if data.hold == "zero" and data.step > _SLOWER * loop.period:
+        yield (
+            f"inputs of the data are held for {1e3 * data.step:.3g} ms: `--period {data.step:.3g}` tries the "
+            "controller at their pace."
+        )
 
 
 def _start_words(result: ControlResult, coordinates: Sequence[tuple[str, str]]) -> Iterator[str]:

@@ -23,7 +23,7 @@ from ._split import (
     whole_name as whole_name,
 )
 from ._trainable import check_trainable as check_trainable, states as states
-from ._trajectory import Trajectory as Trajectory
+from ._trajectory import Trajectory as Trajectory, median_step as median_step
 from ._windows import (
     Windows as Windows,
     least_motion as least_motion,
@@ -76,6 +76,7 @@ __all__ = [
     "least_lively",
     "least_motion",
     "measure_noise",
+    "median_step",
     "rate_errors_at_ends",
     "read_dataset",
     "resample",

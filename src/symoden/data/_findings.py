@@ -22,7 +22,7 @@ class Finding:
     Attributes:
         kind: What it is about.
         level: What training does: nothing ("note"), leaves something out ("masked"), warns and takes it as it is
-            ("warning"), or refuses the data ("refused").
+            ("warning"), or refuses the data ("refused"). Of `feedback` `data check` warns alone.
         channel: Column that it is about; empty if it is about all of them.
         text: What was found.
         advice: What to do.

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from symoden.data import Dataset
+from symoden.data import Dataset, median_step
 from symoden.evaluation import Ranges
 from symoden.spaces import Space
 from symoden.units import position_units
@@ -27,6 +27,7 @@ class DataSummary:
             before this was kept know what the space tells.
         delay: How late the machine's inputs act on what its sensors tell [s].
         lag: Time constant of the lag by which what acts follows each input [s]; none if empty.
+        step: Median time from row to row [s]; 0 of runs from before this was kept.
     """
 
     space: str
@@ -41,6 +42,7 @@ class DataSummary:
     position_units: tuple[str, ...] = ()
     delay: float = 0.0
     lag: tuple[float, ...] = ()
+    step: float = 0.0
 
     def __post_init__(self) -> None:
         """Complete the units.
@@ -62,6 +64,7 @@ def summarize(dataset: Dataset) -> DataSummary:
         Its summary.
     """
     cyclic = () if dataset.known is None else dataset.known.cyclic
+    told = dataset.train or dataset.recordings
     parts = {"train": dataset.train, "validation": dataset.validation, "test": dataset.test}
     return DataSummary(
         space=dataset.space,
@@ -71,9 +74,10 @@ def summarize(dataset: Dataset) -> DataSummary:
         samples={name: sum(map(len, part)) for name, part in parts.items()},
         position_names=dataset.position_names,
         input_names=dataset.input_names,
-        ranges=Ranges.of(dataset.train or dataset.recordings, Space.parse(dataset.space), cyclic=cyclic),
+        ranges=Ranges.of(told, Space.parse(dataset.space), cyclic=cyclic),
         digest=dataset.digest,
         position_units=dataset.position_units,
         delay=dataset.delay,
         lag=dataset.lag,
+        step=median_step(told),
     )
