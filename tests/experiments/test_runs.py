@@ -228,7 +228,15 @@ def test_a_run_keeps_how_far_apart_rows_are(tmp_path):
     assert read_run(tmp_path).data.step == 0.0
 
 
+def told(**more):
+    return dataclasses.replace(DRIVEN, train=tuple(dataclasses.replace(each, **more) for each in DRIVEN.train))
+
+
 OTHERS = {
+    "a piece": dataclasses.replace(DRIVEN, train=(swing("a#1"), swing("a#2", samples=31))),
+    "first samples": told(initial_samples=5),
+    "estimated rates": told(noise_gain=30.0),
+    "their ends": told(one_sided=0.1),
     "length": dataclasses.replace(DRIVEN, train=(swing(), swing(samples=32))),
     "part": dataclasses.replace(DRIVEN, train=DRIVEN.train[:1], test=DRIVEN.train[1:]),
     "space": dataclasses.replace(DRIVEN, space="R1"),
@@ -245,6 +253,16 @@ def test_the_digest_tells_data_apart(name):
     other = OTHERS[name]
     assert dataclasses.replace(DRIVEN, name="e").digest == summarize(DRIVEN).digest
     assert other.digest != DRIVEN.digest
+
+
+def test_what_recordings_are_called_does_not_count_but_for_what_are_pieces_of_one():
+    named = {
+        names: dataclasses.replace(DRIVEN, train=tuple(swing(name, samples=30 + k) for k, name in enumerate(names)))
+        for names in (("a", "b"), ("x", "y"), ("a#1", "a#2"), ("x#1", "x#2"), ("a#1", "b#1"))
+    }
+    digests = [each.digest for each in named.values()]
+    assert digests[0] == digests[1] != digests[2]
+    assert digests[2] == digests[3] != digests[4]
 
 
 def test_a_run_keeps_which_coordinates_are_cyclic():

@@ -288,7 +288,7 @@ def test_a_block_needs_parameters():
     ("setting", "message"),
     [
         *[({"knees": (0.1, value)}, "Every speed in `knees`") for value in (0.0, -0.1, np.nan, np.inf)],
-        *[({"floor": value}, "`floor` must be at least 0") for value in (-0.1, np.nan, np.inf)],
+        *[({"floor": value}, "`floor` must be positive") for value in (-0.1, 0.0, np.nan, np.inf)],
         ({"activation": "relu6"}, "`activation` must be one of tanh, silu, gelu, softplus, sin, or None"),
     ],
     ids=str,
@@ -296,7 +296,7 @@ def test_a_block_needs_parameters():
 def test_numbers_and_names_that_no_model_has_are_refused(setting: dict[str, Any], message):
     with pytest.raises(ValueError, match=message):
         ModelConfig(**setting)
-    ModelConfig(knees=(1e-3, 10.0), floor=0.0, activation="gelu")
+    ModelConfig(knees=(1e-3, 10.0), floor=1e-9, activation="gelu")
 
 
 def test_an_input_matrix_has_a_row_for_each_coordinate():

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,13 +10,15 @@ import pytest
 
 from symoden.blocks import CORRECTIONS, Known, KnownFriction, KnownFunction, KnownValue
 from symoden.data import windows
-from symoden.integrate import HOLDS, RK4
+from symoden.integrate import HOLDS, RK4, rollout
+from symoden.mechanics import AbstractDynamics
 from symoden.models import build
 from symoden.spaces import Space
 from symoden.training._flatten import Flattening
 from symoden.training._gauss_newton import Linearization
 from symoden.training._objective import Batch, Objective
 from symoden.training._residuals import evaluate_loss, find_starts, follow_starts, integration_error
+from symoden.training._starts import find_start
 
 WEIGHTS, NOISE = jnp.array([1.0, 0.5, 2.0]), jnp.array([0.05, 0.05, 0.1])
 
@@ -120,6 +123,42 @@ def exact_window(model, window):
     seen = objective.residuals(model, zero) + jnp.array([[1.0, 0.0, 0.0]])
     q = jnp.unwrap(jnp.concatenate([window.start[:1], jnp.arctan2(seen[:, 1], seen[:, 0])]))
     return window._replace(q=q[:, None], rates=jnp.concatenate([window.start[1:], seen[:, 2]])[:, None])
+
+
+class CartAndPendulum(AbstractDynamics):
+    """A mass on a spring, in any unit of length, and a pendulum beside it."""
+
+    space: Space = eqx.field(default=Space.parse("R1 T1"))
+    inputs: int = eqx.field(static=True, default=0)
+    momenta: bool = eqx.field(static=True, default=False)
+
+    def encode(self, q, rates):
+        return jnp.concatenate([q, rates])
+
+    def derivative(self, t, state, u):
+        return jnp.array([state[2], state[3], -4 * state[0], -9 * jnp.sin(state[1])])
+
+    def decode(self, state):
+        return state[:2], state[2:]
+
+    def observe(self, state):
+        return jnp.concatenate([self.space.embed(state[:2]), state[2:]])
+
+
+@pytest.mark.parametrize("unit", [1e9, 1e-9])
+def test_starts_are_the_same_whatever_lengths_are_measured_in(unit):
+    with jax.enable_x64(True):
+        ts, noise = jnp.linspace(0.0, 1.0, 51), 1e-2 * np.random.default_rng(0).normal(size=(51, 4))
+        machine, us, starts = CartAndPendulum(), jnp.zeros((51, 0)), []
+        for scale in (np.array([1.0, 1.0]), np.array([unit, 1.0])):
+            path = rollout(machine, jnp.asarray(scale * [1.0, 0.5]), jnp.zeros(2), ts, us, solver=RK4(4))
+            q, rates = path.q + scale * noise[:, :2], path.rates + scale * noise[:, 2:]
+            channels = jnp.asarray(scale[[0, 1, 1, 0, 1]])
+            objective = Objective(1 / channels, RK4(4), HOLDS["zero"], noise=1e-2 * channels, level=jnp.asarray(1e-2))
+            window = Batch(ts, q, rates, us, jnp.concatenate([q[0], rates[0]]))
+            found = find_start(machine, objective, window, iterations=3).windows.start
+            starts.append(np.asarray(found) / np.tile(scale, 2))
+    np.testing.assert_allclose(starts[1], starts[0], rtol=1e-6)
 
 
 def test_good_sensors_beside_a_poor_model_hold_the_start(pendulum, small):

@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -133,7 +133,8 @@ class Dataset:
     def digest(self) -> str:
         """SHA-256: data that moved from one part to another, or of which something else is told, differ.
 
-        Names and units do not count: no result depends on what the same numbers are called.
+        Names and units do not count: no result depends on what the same numbers are called, but for which recordings
+        are pieces of one log (`#1`, `#2`, …).
         """
         known = None if self.known is None else self.known.fingerprint
         digest = hashlib.sha256(f"({self.space!r}, {self.momenta!r}, {self.hold!r}, {known})".encode())
@@ -141,10 +142,28 @@ class Dataset:
         for part in ("train", "validation", "test"):
             for k, recording in enumerate(getattr(self, part)):
                 arrays |= {f"{part}/{k}/{name}": getattr(recording, name) for name in ("ts", "q", "rates", "us")}
+        told = _beside_numbers(self.train + self.validation + self.test)
+        if told != [(k, "", 1, 0.0, []) for k in range(len(told))]:  # Of whole logs as measured it is as it always was.
+            digest.update(repr(told).encode())
         for name, array in arrays.items():
             digest.update(f"{name} {array.shape}".encode())
             digest.update(array.tobytes())
         return digest.hexdigest()
+
+
+def _beside_numbers(recordings: Sequence[Trajectory]) -> list[tuple[int, str, int, float, list[float]]]:
+    """What else training goes by: log and piece, initial samples, and how rates were estimated."""
+    logs: dict[str, int] = {}
+    return [
+        (
+            logs.setdefault(each.name.partition("#")[0], len(logs)),
+            each.name.partition("#")[2],
+            each.initial_samples,
+            each.one_sided,
+            [] if each.noise_gain is None else np.ravel(each.noise_gain).tolist(),
+        )
+        for each in recordings
+    ]
 
 
 def _recordings(name: str, part: str, given: Iterable[Trajectory] | Trajectory) -> tuple[Trajectory, ...]:

@@ -19,7 +19,7 @@ from symoden.wording import number
 
 from ._batches import Segment, Stretch, in_batches, roll_out
 from ._certainty import LEVEL
-from ._predict import listed, paths
+from ._predict import begun_by, listed, paths
 from ._windows import HORIZON, OVERLAP, horizon_of, short_windows
 
 _BINS = 20
@@ -110,7 +110,7 @@ class Bands:
         return f"Bands({LEVEL:.0%}, as wide as {self.calibrated_on} recordings ask for, {number(self.horizon)} s ahead)"
 
     def predict(self, trajectories: Iterable[Trajectory | Stretch]) -> list[BandedPath]:
-        """Roll out recordings or stretches of them, each from its first state.
+        """Roll out recordings, each from its first state as `predict` does, or stretches of them as they were measured.
 
         Args:
             trajectories: Recordings, or stretches, of about a second: longer after the start than training tells the
@@ -123,7 +123,16 @@ class Bands:
             TypeError: If something else is given.
         """
         every = listed(trajectories, kinds=Trajectory | Stretch)
-        stretches = [Stretch.whole(each) if isinstance(each, Trajectory) else each for each in every]
+        whole = {i: each for i, each in enumerate(every) if isinstance(each, Trajectory)}
+        begun = {i: begun_by(self.posterior.model, each, self.hold, self.solver) for i, each in whole.items()}
+        found = self._banded([Stretch.whole(begun[i]) if i in begun else each for i, each in enumerate(every)])
+        astray = [i for i in begun if begun[i] is not whole[i] and not np.isfinite(found[i].q).all()]
+        for i, path in zip(astray, self._banded([Stretch.whole(whole[i]) for i in astray]), strict=True):
+            found[i] = path
+        return found
+
+    def _banded(self, stretches: Sequence[Stretch]) -> list[BandedPath]:
+        """Roll out stretches, each from its first sample."""
         found: dict[int, BandedPath] = {}
         quantile = self.posterior.quantile(LEVEL)
         for i, path in _paths(self.posterior, stretches, self.hold, self.solver):

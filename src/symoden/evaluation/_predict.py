@@ -77,7 +77,7 @@ def predict(
     refuse_no_system(model)
     recordings = listed(trajectories)
     chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
-    begun = [_begun(model, recording, chosen, solver) for recording in recordings]
+    begun = [begun_by(model, recording, chosen, solver) for recording in recordings]
     found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
     astray = [
         i
@@ -114,8 +114,18 @@ def listed(trajectories: object, *, kinds: type | UnionType = Trajectory) -> lis
     raise TypeError(f"`trajectories` must be a list of recordings; got {named}. {hint}")
 
 
-def _begun(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
-    """A recording that begins in the state that its initial samples tell; the same one where it has one such sample."""
+def begun_by(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
+    """Let a recording begin in the state that its initial samples tell.
+
+    Args:
+        model: Model that tells.
+        recording: The recording.
+        hold: How inputs act between samples.
+        solver: What advances rollouts.
+
+    Returns:
+        Such a recording; the same one where a single sample tells.
+    """
     if first_samples(recording) == 1:
         return recording
     first = find_first_state(model, recording, hold=hold, solver=solver)

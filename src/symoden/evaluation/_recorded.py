@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -15,9 +14,7 @@ from symoden.mechanics import AbstractDynamics
 from ._bands import BandedPath, Bands, judged_windows
 from ._batches import Stretch
 from ._predict import Prediction, predict
-from ._windows import OVERLAP
-
-_INSTANT: Final = 1e-6  # [s]: stamps are rounded.
+from ._windows import OVERLAP, instant_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +131,7 @@ def _beginning(recording: Trajectory, prediction: Prediction, horizon: float) ->
         np.concatenate([predicted[:1], measured[1:]])
         for predicted, measured in ((prediction.q, recording.q), (prediction.rates, recording.rates))
     )
-    stop = int(np.searchsorted(recording.ts - recording.ts[0], horizon + _INSTANT))
+    stop = int(np.searchsorted(recording.ts - recording.ts[0], horizon + instant_of(recording)))
     return Stretch(trajectory=dataclasses.replace(recording, q=q, rates=rates), start=0, stop=max(stop, 2))
 
 

@@ -16,6 +16,7 @@ _SHORTER: Final = (0.5, 0.2, 0.1)  # Times a power of ten.
 _LONGER: Final = (1.0, 2.0, 5.0, 10.0)
 _FEWEST_STEPS: Final = 10  # In a window shorter than a second.
 _INSTANT: Final = 1e-6  # [s]; stamps that count from 1970 are rounded to 2.4e-7 s.
+_OF_STEP: Final = 0.1  # Of a step, no more than which is an instant.
 
 
 def horizon_of(dataset: Dataset) -> float:
@@ -56,13 +57,25 @@ def short_windows(recording: Trajectory, horizon: float = HORIZON) -> list[tuple
     Returns:
         Samples [start, stop) of each; none where the recording is too short.
     """
-    elapsed = _elapsed(recording)
-    starts = np.arange(0.0, elapsed[-1] - horizon + _INSTANT, horizon / OVERLAP)
-    firsts = np.unique(np.searchsorted(elapsed, starts - _INSTANT))
-    stops = np.searchsorted(elapsed, elapsed[firsts] + horizon + _INSTANT)
+    elapsed, instant = _elapsed(recording), instant_of(recording)
+    starts = np.arange(0.0, elapsed[-1] - horizon + instant, horizon / OVERLAP)
+    firsts = np.unique(np.searchsorted(elapsed, starts - instant))
+    stops = np.searchsorted(elapsed, elapsed[firsts] + horizon + instant)
     # Where time stamps are irregular, the window after the last start may end after the recording.
-    complete = elapsed[firsts] + horizon <= elapsed[-1] + _INSTANT
+    complete = elapsed[firsts] + horizon <= elapsed[-1] + instant
     return [(int(a), int(b)) for a, b in zip(firsts[complete], stops[complete], strict=True) if b - a > 1]
+
+
+def instant_of(recording: Trajectory) -> float:
+    """Time that does not count, since stamps are rounded.
+
+    Args:
+        recording: Any recording.
+
+    Returns:
+        A microsecond, or less beside steps that are as short [s].
+    """
+    return min(_INSTANT, _OF_STEP * float(np.median(np.diff(recording.ts))))
 
 
 def _elapsed(recording: Trajectory) -> Float[np.ndarray, " T"]:

@@ -6,8 +6,6 @@ import hashlib
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from symoden.data import Dataset
 from symoden.mechanics import AbstractDynamics
 from symoden.storage import StorageError
@@ -67,11 +65,7 @@ def read_posterior(
 
 def _origin(model: Path, training: TrainingConfig, substeps: int, dataset: Dataset) -> str:
     """SHA-256 of all that a posterior is inferred from, and of the version and commit that infer it."""
-    every = [
-        (each.one_sided, np.ravel([] if each.noise_gain is None else each.noise_gain).tolist())
-        for each in dataset.recordings
-    ]
-    told = repr((version("symoden"), commit(), training, substeps, dataset.digest, every))
+    told = repr((version("symoden"), commit(), training, substeps, dataset.digest))
     return hashlib.sha256(model.read_bytes() + told.encode()).hexdigest()
 
 

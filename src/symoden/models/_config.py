@@ -96,8 +96,8 @@ class ModelConfig:
             raise ValueError("Friction on the full state is viscous; got `knees`. Set `knees=()`.")
         if not all(0 < knee < math.inf for knee in self.knees):
             raise ValueError(f"Every speed in `knees` must be positive and finite; got {self.knees}.")
-        if not 0 <= self.floor < math.inf:
-            raise ValueError(f"`floor` must be at least 0 and finite; got {self.floor}.")
+        if not 0 < self.floor < math.inf:  # Else M could be singular, and nothing would move.
+            raise ValueError(f"`floor` must be positive and finite; got {self.floor}.")
         if self.activation is not None and self.activation not in ACTIVATIONS:
             raise ValueError(
                 f"`activation` must be one of {', '.join(ACTIVATIONS)}, or None to choose it by the space; got "

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from symoden.mechanics import AbstractDynamics
 
-from ._objective import AbstractObjective, Batch
+from ._objective import AbstractObjective, Batch, channel_order
 
 _RIDGE = 1e-12
 
@@ -47,9 +47,13 @@ def find_start(
     if not objective.frees_starts:
         return Found(window, objective.residuals(dynamics, window), None)
     J = by_start(dynamics, objective, window)
-    squares = J.T @ J
+    # In units in which all change alike: of micrometres beside radians one ridge would hold the one and not the other.
+    unit = 1 / jnp.zeros(J.shape[1], J.dtype).at[channel_order(dynamics.space)].max(objective.weights)
+    even = J * unit[None]
+    squares = even.T @ even
     ridge = _RIDGE * jnp.trace(squares) * jnp.eye(len(squares), dtype=squares.dtype)
-    return follow_start(dynamics, objective, window, jnp.linalg.solve(squares + ridge, J.T), iterations=iterations)
+    inverse = unit[:, None] * jnp.linalg.solve(squares + ridge, even.T)
+    return follow_start(dynamics, objective, window, inverse, iterations=iterations)
 
 
 def follow_start(
