@@ -51,6 +51,17 @@ def test_carts_begin_where_the_data_were(target, cyclic, ends):
     assert free.q == pytest.approx([0.5, np.pi])
 
 
+@pytest.mark.parametrize(
+    ("seen", "target", "size"),
+    [((-0.15, 0.19), 0.0, 0.19), ((6.2, 6.4), 0.0, 0.1168), ((-0.01, 0.02), 0.0, 0.1), ((-1.2, 3.1), 3.14, 0.6)],
+)
+def test_what_holds_a_balanced_machine_is_tried_from_where_it_was(seen, target, size):
+    ranges = Ranges(positions=((-1.0, 1.0), seen), rates=((-1.0, 1.0),) * 2, inputs=((-5.0, 5.0),), cyclic=(0,))
+    machine = learned_machine(CartPole(), [0.0, target], ranges)
+    assert starts_of(machine, "lqr").q == pytest.approx([0.5, size], abs=1e-4)
+    assert starts_of(machine, "swing-up").q == pytest.approx([0.5, np.pi])
+
+
 def test_episodes_that_no_memory_holds_are_refused():
     with pytest.raises(ValueError, match="at most 10000000 control periods; got 100 of 200000"):
         ControlConfig(loop=Loop(duration=2.0, period=1e-5))

@@ -65,8 +65,8 @@ def why_not_held(model: AbstractDynamics, regulator: Regulator, period: float | 
         larger = tuple(factor * limit for limit in limits)
         if holds(larger, period):
             return (
-                f"The regulator does not hold the model at the target with {inputs}; with {factor} times as much it "
-                "does. Allow more input."
+                f"From as far as it must be caught, the regulator does not hold the model at the target with {inputs}; "
+                f"with {factor} times as much it does. Allow more input, or use lqr from near the target."
             )
         if period is not None and period > QUICK and holds(larger, QUICK):
             return (

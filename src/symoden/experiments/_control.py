@@ -223,10 +223,7 @@ def learned_machine(model: AbstractDynamics, target: Sequence[float], ranges: Ra
     limits = tuple(max(abs(low), abs(high)) for low, high in ranges.inputs)
     if not limits:
         raise ValueError("A controller needs inputs; the model was learned from free motion and has none.")
-    seen = tuple(
-        (-math.inf, math.inf) if angle or i in ranges.cyclic else each
-        for i, (angle, each) in enumerate(zip(model.space.is_angle, ranges.positions, strict=True))
-    )
+    seen = tuple((-math.inf, math.inf) if i in ranges.cyclic else each for i, each in enumerate(ranges.positions))
     return Machine(name=LEARNED, system=model, target=tuple(map(float, target)), max_input=limits, seen=seen)
 
 

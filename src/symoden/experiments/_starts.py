@@ -1,6 +1,6 @@
 """States that episodes of a controller begin at."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +8,8 @@ from jaxtyping import Float
 
 from symoden.control import Method, lowest
 from symoden.systems import Machine
+
+_LEAST: Final = 0.1  # [rad] that what holds a target is tried from, whatever the data: twice the tolerance.
 
 
 class Starts(NamedTuple):
@@ -44,7 +46,8 @@ def starts_of(machine: Machine, method: Method) -> Starts:
     where its potential energy is lowest if it swings up; everything else starts anywhere, with the speeds of the
     paper's tasks.
 
-    A learned model knows no more of a length than its data reach: episodes begin between their ends and the target.
+    A learned model knows no more than its data reach: episodes begin between their ends and the target along lengths,
+    and what only holds the target no farther from it than these go, as of a machine that has always been balanced.
 
     Args:
         machine: What is controlled.
@@ -63,7 +66,21 @@ def starts_of(machine: Machine, method: Method) -> Starts:
         return Starts(hanging, np.full(space.size, 0.2), np.full(space.size, 0.1))
     near = method in {"ida-pbc", "controlled-lagrangian", "lqr"}
     size = np.where(space.is_angle, (0.2 if acrobot else 0.6) if near else np.pi, 0.5)
+    if near:
+        size = np.minimum(size, np.where(space.is_angle, _reach(least, most, target), np.inf))
+    least, most = (np.where(space.is_angle, end, bound) for end, bound in ((-np.inf, least), (np.inf, most)))
     speed = np.where(space.is_angle, 0.1 if near else 1.0, 0.05)
     low = np.maximum(target - size, np.minimum(least, target))
     high = np.minimum(target + size, np.maximum(most, target))
     return Starts((low + high) / 2, (high - low) / 2, speed)
+
+
+def _reach(
+    least: Float[np.ndarray, " n"], most: Float[np.ndarray, " n"], target: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """How far from a target the data go along an angle; infinite where that is half a turn about."""
+    far = np.full(len(target), np.inf)
+    told = most - least < np.pi
+    ends = np.stack([least, most])[:, told] - target[told]
+    far[told] = np.maximum(np.abs(np.mod(ends + np.pi, 2 * np.pi) - np.pi).max(axis=0), _LEAST)
+    return far

@@ -26,8 +26,8 @@ class Machine(Generic[System]):
         target: Configuration to bring it to; of the paper's machines the one of the highest potential energy, lengths
             being zero; NaN along coordinates that need not come to rest anywhere.
         max_input: Largest magnitude of each input that its motors give [N or N m].
-        seen: Least and largest of each length that a learned model in the machine's place knows, infinite of angles and
-            of what nothing depends on; None for a simulated machine.
+        seen: Least and largest of each coordinate that a learned model in the machine's place knows, infinite of what
+            nothing depends on; None for a simulated machine.
     """
 
     name: str

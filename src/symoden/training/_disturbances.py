@@ -37,6 +37,7 @@ _ENOUGH: Final = 20  # Windows that tell what is usual.
 _SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
 _OFTEN: Final = 0.25  # Share of those of one recording that no model was fitted to: it is another machine, or load.
 _ALIKE: Final = 2.5  # Times longer or shorter, what is usual in windows is so in others: twice the rate is common.
+_HOLE: Final = 2.5  # Times the steps that 95 % keep to: what inputs were where rows are lost was not logged.
 _STRIDES: Final = 4  # Of a window, from one to the next.
 _EVENT: Final = _STRIDES + 1  # Windows that a short one is in.
 _TRIMMED: Final = 0.1  # Share of the windows that a fit goes without which they must not bend.
@@ -325,7 +326,8 @@ class _Usual:
         starts = np.arange(len(every)) * stride
         lengths = recording.ts[starts + self.horizon] - recording.ts[starts]
         unlike = (lengths < self.lengths[0]) | (lengths > self.lengths[1])
-        known = unlike | _overlaps(recording, starts, self.horizon, left_out)
+        known = unlike | _have_holes(recording, starts, self.horizon)
+        known |= _overlaps(recording, starts, self.horizon, left_out)
         residuals = _residuals(self.model, self.objective, Batch.of(every, np.float64))
         far = (np.abs(residuals) > self.bound).any(axis=1) & ~known
         spans = tuple(_spans(recording, starts[far], self.horizon))
@@ -355,6 +357,13 @@ def _bound(residuals: Float[np.ndarray, "B n"], data: Data, least: Float[np.ndar
             usual = float(np.quantile(np.abs(residuals[rows, i]), _USUAL))
             bound[i] = max(_FAR * usual, _MUCH * float(np.sqrt(np.mean(changes[rows, i]))))
     return bound
+
+
+def _have_holes(recording: Trajectory, starts: np.ndarray, horizon: int) -> Bool[np.ndarray, " B"]:
+    """Which windows of a recording lack rows, fewer than make a gap."""
+    steps = np.diff(recording.ts)
+    before = np.concatenate([[0], np.cumsum(steps > _HOLE * np.quantile(steps, 0.95))])
+    return before[starts + horizon] > before[starts]
 
 
 def _overlaps(recording: Trajectory, starts: np.ndarray, horizon: int, spans: Sequence[Span]) -> Bool[np.ndarray, " B"]:
