@@ -73,6 +73,16 @@ def test_a_pause_is_no_push():
     assert find_disturbances(SYSTEM, [late], swings(0, {})) == ((),)
 
 
+@pytest.mark.parametrize(("lost", "found"), [(1, 1), (4, 0)])
+def test_what_acts_where_rows_are_lost_is_no_push(lost, found):
+    """An input that changed there was not logged; a single row says little less."""
+    pushed = others([(200, 204, 30.0)])
+    kept = np.delete(np.arange(SIZE), 200 + np.arange(lost))
+    picked = {name: getattr(pushed, name)[kept] for name in ("ts", "q", "rates", "us")}
+    (spans,) = find_disturbances(SYSTEM, [dataclasses.replace(pushed, **picked)], swings(0, {}))
+    assert len(spans) == found
+
+
 def test_recordings_of_another_mechanism_are_refused():
     quiet = others()
     pair = dataclasses.replace(quiet, us=np.zeros((SIZE, 2)))
