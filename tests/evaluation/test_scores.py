@@ -47,6 +47,20 @@ def written_out(system, recording, start, stop):
     return np.asarray(path.q) - recording.q[part]
 
 
+@pytest.mark.parametrize("initial_samples", [1, 6])
+def test_far_from_zero_motion_has_its_digits_whatever_the_user_s_precision(initial_samples):
+    near = recorded(0.05 * np.arange(21), initial_samples=initial_samples)
+    far = dataclasses.replace(near, q=near.q + 2e5 * np.pi)
+    with jax.enable_x64(False):
+        paths = predict(TRUTH, [near, far])
+    np.testing.assert_allclose(paths[1].q - 2e5 * np.pi, paths[0].q, atol=1e-8)
+
+
+def test_steps_of_less_than_a_microsecond_are_steps():
+    recording = recorded(1e-7 * np.arange(601))
+    assert {stop - start for start, stop in short_windows(recording, 2e-5)} == {201}
+
+
 def test_windows_last_a_second_and_start_every_quarter_of_one():
     recording = recorded(0.05 * np.arange(41))
     (score,) = score_recordings(Pendulum(), Dataset(name="d", space="T1", train=(recording,)), solver=RK4(4))

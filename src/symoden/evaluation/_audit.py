@@ -16,7 +16,7 @@ from symoden.integrate import HOLDS, AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics, AbstractPortHamiltonian, potential
 from symoden.shapes import Inputs, Scalar, State
 
-from ._batches import Segment, Stretch, in_batches, pieces
+from ._batches import Segment, Stretch, in_batches, in_double, pieces
 from ._ranges import Ranges
 
 _PIECE = 500
@@ -90,7 +90,7 @@ def audit(
         return Audit(
             recordings=len(trajectories), rollouts=0, diverged=None, rollout_violation=None, outside=away.mean(), **none
         )
-    lean = without_silent(model)
+    lean = in_double(without_silent(model))
     chosen = trajectories[:: -(-len(trajectories) // _MOST_ROLLOUTS)]
     starts = [
         Stretch(trajectory=trajectory, start=0, stop=min(_ROLLOUT_STEPS + 1, len(trajectory))) for trajectory in chosen

@@ -17,7 +17,7 @@ from symoden.mechanics import AbstractDynamics
 from symoden.training import AbstractPosterior, AbstractScatter, FitResult, hold_out
 from symoden.wording import number
 
-from ._batches import Segment, Stretch, in_batches, roll_out
+from ._batches import Segment, Stretch, double, in_batches, roll_out
 from ._certainty import LEVEL
 from ._predict import begun_by, listed, paths
 from ._windows import HORIZON, OVERLAP, horizon_of, short_windows
@@ -313,7 +313,8 @@ def _paths(
     posterior: AbstractPosterior, stretches: Sequence[Stretch], hold: Hold, solver: AbstractSolver
 ) -> Iterator[tuple[int, _Path]]:
     """Rollouts of stretches, each with its index."""
-    function = eqx.Partial(_predicted, posterior.scatter(), solver, hold)
+    with double():
+        function = eqx.Partial(_predicted, posterior.scatter(), solver, hold)
     for i, (q, variance) in in_batches(function, stretches, samples=_BATCH, size=_TOGETHER):
         stretch = stretches[i]
         ts = stretch.trajectory.ts[stretch.start : stretch.stop]

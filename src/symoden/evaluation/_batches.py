@@ -1,8 +1,9 @@
 """Applying a function to recordings of any lengths: batches of padded recordings share one compiled program."""
 
+import contextlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,9 @@ from symoden.data import Trajectory
 from symoden.integrate import AbstractSolver, Hold, Rollout, rollout
 from symoden.mechanics import AbstractDynamics
 from symoden.models import NaiveModel
+from symoden.training import cast
 
+Model = TypeVar("Model", bound=AbstractDynamics)
 Batched: TypeAlias = Callable[["Segment"], PyTree]
 
 
@@ -74,6 +77,26 @@ class Segment(NamedTuple):
     us: Float[Array, "*B T m"]
 
 
+@contextlib.contextmanager
+def double() -> Iterator[None]:
+    """Compute in double precision, whatever the user's setting."""
+    with jax.enable_x64(True), jax.numpy_dtype_promotion("standard"):  # noqa: FBT003 - JAX's signature
+        yield
+
+
+def in_double(model: Model) -> Model:
+    """The same in double precision.
+
+    Args:
+        model: Learned model or analytic system.
+
+    Returns:
+        The model.
+    """
+    with double():
+        return cast(model, float)
+
+
 def roll_out(model: AbstractDynamics, segment: Segment, *, solver: AbstractSolver, hold: Hold) -> Rollout:
     """Roll out a model along a segment from its first state.
 
@@ -127,8 +150,9 @@ def pieces(trajectories: Sequence[Trajectory], steps: int) -> list[Stretch]:
 def in_batches(
     function: Batched, stretches: Sequence[Stretch], *, samples: int = 65536, size: int | None = None
 ) -> Iterator[tuple[int, PyTree]]:
-    """Apply a batched function to stretches, in bounded memory.
+    """Apply a batched function to stretches, in bounded memory and in double precision.
 
+    Far from zero, as of a wheel that has gone round a thousand times, single precision has no digits left for motion.
     Stretches of similar length are padded by repeating the last sample, in which no time passes, so that results
     along time agree with those without padding on the samples that there are.
 
@@ -153,7 +177,8 @@ def in_batches(
             # The last batch is filled up, so that it needs no program of its own.
             filled = chosen + chosen[-1:] * (count - len(chosen))
             columns = zip(*(stretches[i].padded(length) for i in filled), strict=True)
-            result = jax.tree.map(np.asarray, function(Segment(*(jnp.asarray(np.stack(c)) for c in columns))))
+            with double():
+                result = jax.tree.map(np.asarray, function(Segment(*(jnp.asarray(np.stack(c)) for c in columns))))
             for k, i in enumerate(chosen):
                 yield i, jax.tree.map(lambda leaf, k=k: leaf[k], result)
 

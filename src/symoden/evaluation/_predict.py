@@ -17,7 +17,7 @@ from symoden.integrate import FEWEST_SUBSTEPS, HOLDS, RK4, AbstractSolver, Hold,
 from symoden.mechanics import AbstractDynamics, refuse_no_system
 from symoden.training import find_first_state
 
-from ._batches import Segment, Stretch, entire, in_batches, roll_out
+from ._batches import Segment, Stretch, double, entire, in_batches, in_double, roll_out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,7 +128,8 @@ def begun_by(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver:
     """
     if first_samples(recording) == 1:
         return recording
-    first = find_first_state(model, recording, hold=hold, solver=solver)
+    with double():
+        first = map(np.asarray, find_first_state(in_double(model), recording, hold=hold, solver=solver))
     q, rates = (
         np.concatenate([x[None], rest[1:]]) for x, rest in zip(first, (recording.q, recording.rates), strict=True)
     )
@@ -149,7 +150,7 @@ def paths(
     Yields:
         The index of a stretch, and its rollout; not in order.
     """
-    lean = without_silent(model)
+    lean = in_double(without_silent(model))
     for i, path in in_batches(lambda batch: _rollouts(lean, batch, solver, hold), stretches):
         samples = len(stretches[i])
         yield i, Prediction(q=path.q[:samples], rates=path.rates[:samples], observations=path.observations[:samples])

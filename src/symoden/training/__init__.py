@@ -16,6 +16,7 @@ from ._fit import (
     fit as fit,
     ignore as ignore,
 )
+from ._flatten import cast as cast
 from ._journal import (
     CHECKPOINTS as CHECKPOINTS,
     ENSEMBLE as ENSEMBLE,
@@ -47,6 +48,7 @@ __all__ = [
     "Span",
     "TrainingConfig",
     "TrainingError",
+    "cast",
     "check_members",
     "find_disturbances",
     "find_first_state",

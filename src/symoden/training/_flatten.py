@@ -82,7 +82,15 @@ def drawn(model: PyTree, corrections: int) -> Float[np.ndarray, " P"]:
 
 
 def cast(model: PyTree, dtype: DTypeLike) -> PyTree:
-    """Change the precision of every array of floats; what is too large for it is infinite."""
+    """Change the precision of every array of floats.
+
+    Args:
+        model: A model, or any tree with arrays in it.
+        dtype: Precision; double needs `jax_enable_x64`.
+
+    Returns:
+        The same; what is too large for its precision is infinite.
+    """
     # On the host: on a device every shape is a program, which takes 20 ms to compile.
     with np.errstate(over="ignore"):
         return jax.tree.map(lambda x: jax.device_put(np.asarray(x, dtype)) if eqx.is_inexact_array(x) else x, model)
