@@ -51,7 +51,8 @@ def run(command: Data) -> None:
 def _print_recordings(check: DatasetCheck) -> None:
     """A line for each file of each part."""
     columns = (
-        "part", "recording", "rows", "duration [s]", "step [ms]", "least", "most", "missing rows", "gaps", "recordings",
+        "part", "recording", "rows", "duration [s]", "step [ms]", "least", "most", "incomplete rows", "gaps",
+        "recordings",
     )  # fmt: skip
     rows: list[tuple[object, ...]] = [
         (

@@ -98,13 +98,14 @@ def check_dataset(
         dataclasses.replace(check, findings=(*clocks, *check.findings))
         for check, clocks in zip(checks, find_other_clocks(reading.logs, said), strict=True)
     )
+    cyclic = () if said.known is None else said.known.cyclic
     together = [
         *map(refusal, reading.refusals),
         *([] if reading.refusals else find_ended(said, reading.logs)),
         *([replaced] if replaced else []),
         *_idle_everywhere(checks),
         *find_unread_inputs(reading.logs),
-        *find_counted_zeros(reading.logs, [check.channels for check in checks]),
+        *find_counted_zeros(reading.logs, [check.channels for check in checks], cyclic=cyclic),
         *_together(said, reading, made, is_angle),
     ]
     return DatasetCheck(description=said, recordings=checks, findings=tuple(together), unreadable=reading.unreadable)

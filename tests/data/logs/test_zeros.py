@@ -15,7 +15,7 @@ files = ["*.csv"]
 """
 
 
-def check_of(folder, firsts, *, quantum=0.0, amplitude=1.0):
+def check_of(folder, firsts, *, quantum=0.0, amplitude=1.0, more=""):
     """Findings on zeros of recordings whose two joints begin at these positions."""
     t = 0.01 * np.arange(400)
     for k, (first, second) in enumerate(firsts):
@@ -24,7 +24,7 @@ def check_of(folder, firsts, *, quantum=0.0, amplitude=1.0):
             q = quantum * np.round(q / quantum)
         log = np.concatenate([t[:, None], q, np.cos(5 * t)[:, None]], axis=1)
         np.savetxt(folder / f"run{k}.csv", log, delimiter=",", header="t,q1,q2,u", comments="", fmt="%.15g")
-    (folder / "arm.toml").write_text(TEXT)
+    (folder / "arm.toml").write_text(TEXT + more)
     return [finding for finding in check_dataset(folder / "arm.toml").findings if finding.kind == "zero"]
 
 
@@ -33,6 +33,11 @@ def test_a_joint_that_every_recording_counts_from_zero_is_named(tmp_path, quantu
     (finding,) = check_of(tmp_path, [(0.0, 0.3), (0.0, 0.1), (quantum, -0.2)], quantum=quantum)
     assert (finding.level, finding.channel) == ("note", "q1")
     assert "all 3 recordings" in finding.text
+
+
+def test_where_nothing_depends_on_a_joint_its_zero_does_not_count(tmp_path):
+    (finding,) = check_of(tmp_path, [(0.0, 1.0)] * 3, more='[known]\ncyclic = ["q1"]\n')
+    assert finding.channel == "q2"
 
 
 def test_both_joints_share_one_finding(tmp_path):

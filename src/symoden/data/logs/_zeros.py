@@ -1,6 +1,6 @@
 """Sensors that count from wherever the machine stood when a recording began."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,9 @@ _STEPS: Final = 2  # of rounding, from zero
 _MOVES: Final = 100  # steps of rounding: what moves less may be near zero by chance
 
 
-def find_counted_zeros(logs: Sequence[Log], channels: Sequence[Sequence[ChannelFacts]]) -> list[Finding]:
+def find_counted_zeros(
+    logs: Sequence[Log], channels: Sequence[Sequence[ChannelFacts]], *, cyclic: Collection[str] = ()
+) -> list[Finding]:
     """Find positions that are zero at the first row of every recording.
 
     An incremental encoder that is not homed counts from there. Dry friction holds a machine at rest anywhere within
@@ -24,6 +26,7 @@ def find_counted_zeros(logs: Sequence[Log], channels: Sequence[Sequence[ChannelF
     Args:
         logs: What was logged.
         channels: Facts of each log's columns, positions first; empty where they are not known.
+        cyclic: Coordinates, as "q1", that nothing depends on, wherever their zero is.
 
     Returns:
         One finding for all such positions, or none.
@@ -34,7 +37,9 @@ def find_counted_zeros(logs: Sequence[Log], channels: Sequence[Sequence[ChannelF
     names = [
         facts[0].name
         for i, facts in enumerate(zip(*(facts for _, facts in known), strict=True))
-        if facts[0].role == "position" and _counts_from_start([log.q[:, i] for log, _ in known], facts)
+        if facts[0].role == "position"
+        and f"q{i + 1}" not in cyclic
+        and _counts_from_start([log.q[:, i] for log, _ in known], facts)
     ]
     if not names:
         return []
