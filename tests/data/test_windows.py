@@ -1,5 +1,7 @@
 """Every window is a stretch of one recording, and every stretch is a window."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -35,6 +37,19 @@ def test_the_papers_windows_are_seventeen_per_trajectory():
 
 def test_free_motion_has_windows_without_inputs():
     assert windows([recording(9, m=0)], 3).us.shape == (6, 4, 0)
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers"),
+    [
+        (("a", "b", "c"), [0, 1, 2]),
+        (("a#1", "b#1", "a#2", "c"), [0, 1, 0, 2]),
+        (("a#1", "a#2", "b#1", "b#2"), [0, 1, 2, 3]),  # Two logs do not tell how much they differ.
+    ],
+)
+def test_windows_know_their_log(names, numbers):
+    found = windows([dataclasses.replace(recording(9), name=name) for name in names], 3, stride=3)
+    assert found.recording.tolist() == np.repeat(numbers, 2).tolist()
 
 
 def test_a_clock_that_counts_from_1970_keeps_its_steps_in_single_precision():

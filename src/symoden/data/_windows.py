@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
 
 from ._errors import DataError
+from ._split import pieces_of
 from ._trajectory import Trajectory
 from .signals import measure_noise
 
@@ -17,6 +18,7 @@ WindowInputs: TypeAlias = Float64[np.ndarray, "B points m"]
 
 _NOISE: Final = 8.0  # Standard deviations: samples of a rest hardly ever span more, of 20 as of 500.
 _STILL: Final = 0.01  # Of a coordinate's range, which in noise is no rest.
+_FEWEST_LOGS: Final = 3
 _RESTS: Final = 10  # Windows, of which one at rest tells enough.
 
 
@@ -29,7 +31,8 @@ class Windows:
         q: Positions.
         rates: Velocities or momenta.
         us: Inputs.
-        recording: Number of the recording that each was cut out of.
+        recording: Number of the log that each was cut out of, as an encoder has one zero all along it; of fewer than
+            three logs in pieces, of its piece.
     """
 
     ts: WindowTimes
@@ -91,8 +94,18 @@ def windows(trajectories: Sequence[Trajectory], horizon: int, *, stride: int = 1
         q=_stacked([trajectory.q for trajectory in trajectories], horizon + 1, stride),
         rates=_stacked([trajectory.rates for trajectory in trajectories], horizon + 1, stride),
         us=_stacked([trajectory.us for trajectory in trajectories], horizon + 1, stride),
-        recording=np.repeat(np.arange(len(trajectories)), counts),
+        recording=np.repeat(_numbered(trajectories), counts),
     )
+
+
+def _numbered(trajectories: Sequence[Trajectory]) -> Int[np.ndarray, " R"]:
+    """Which log each recording is of, if these are as many as tell how much they differ; else its own number."""
+    logs, numbers = pieces_of(trajectories), np.arange(len(trajectories))
+    if len(logs) < _FEWEST_LOGS:
+        return numbers
+    for number, pieces in enumerate(logs.values()):
+        numbers[pieces] = number
+    return numbers
 
 
 def least_motion(trajectories: Sequence[Trajectory]) -> Float[np.ndarray, " n"]:
