@@ -285,7 +285,7 @@ class Control:
         seed: Seed of initial states and noise.
         out: File to write the controller to, which Python reads with symoden.control.load_controller.
         figure: Picture of angles, inputs and desired energy: PNG, PDF or SVG.
-        video: Animation of the episode of median settling time.
+        video: Animation of the episode of median settling time, of a simulated machine.
         general: How to report.
     """
 

@@ -204,6 +204,8 @@ def anchor(model: AbstractDynamics) -> str:
     Returns:
         What fixes it, in words.
     """
+    if not isinstance(model, AbstractPortHamiltonian):
+        return "nothing: such a model has neither inertia nor energy"
     fixed = parts_that_fix_the_scale(model)
     if fixed:
         return f"{', '.join(fixed)} given"

@@ -187,9 +187,11 @@ def _refuse_names(known: KnownParts) -> None:
         used.add(name)
         moves = _COORDINATE.fullmatch(name) or (part == "dissipation_matrix" and _VELOCITY.fullmatch(name))
         if not moves and name not in known.constants and name not in known.parameters:
+            velocity = "a velocity v1, v2, …, " if part == "dissipation_matrix" else ""
             hint = "velocities stand in the dissipation matrix alone" if _VELOCITY.fullmatch(name) else "give its value"
             raise ValueError(
-                f"`{part}`: every name must be a coordinate q1, q2, …, a constant or a parameter; got `{name}`: {hint}."
+                f"`{part}`: every name must be a coordinate q1, q2, …, {velocity}a constant or a parameter; got "
+                f"`{name}`: {hint}."
             )
     for name in known.parameters:
         if name not in used:
