@@ -12,7 +12,7 @@ from symoden.wording import first_few
 
 from ._dataset import Dataset
 from ._errors import DataError
-from ._trajectory import Trajectory
+from ._trajectory import Trajectory, pieces_of
 
 VALIDATION_SHARE: Final = 0.1
 """Share of the recordings that is held out, unless it is told otherwise."""
@@ -136,21 +136,6 @@ def validates_by_ends(dataset: Dataset) -> bool:
         Whether they are.
     """
     return any(_TAIL in trajectory.name for trajectory in dataset.validation)
-
-
-def pieces_of(trajectories: Sequence[Trajectory]) -> dict[str, list[int]]:
-    """Group recordings by the log that they are pieces of.
-
-    Args:
-        trajectories: Recordings; those whose names differ in what follows `#` alone are pieces of one.
-
-    Returns:
-        By the log's name, indices of its pieces.
-    """
-    whole: dict[str, list[int]] = {}
-    for k, trajectory in enumerate(trajectories):
-        whole.setdefault(trajectory.name.split("#")[0], []).append(k)
-    return whole
 
 
 def whole_name(name: str) -> str:

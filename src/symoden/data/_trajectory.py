@@ -142,6 +142,21 @@ def median_step(recordings: Sequence[Trajectory]) -> float:
     return float(np.median(np.concatenate([np.diff(each.ts) for each in recordings])))
 
 
+def pieces_of(trajectories: Sequence[Trajectory]) -> dict[str, list[int]]:
+    """Group recordings by the log that they are pieces of.
+
+    Args:
+        trajectories: Recordings; those whose names differ in what follows `#` alone are pieces of one.
+
+    Returns:
+        By the log's name, indices of its pieces.
+    """
+    whole: dict[str, list[int]] = {}
+    for k, trajectory in enumerate(trajectories):
+        whole.setdefault(trajectory.name.split("#")[0], []).append(k)
+    return whole
+
+
 def refuse_times_out_of_order(ts: Times, where: str, *, place: Callable[[int], str] = "row {}".format) -> None:
     """Refuse time stamps that do not increase.
 

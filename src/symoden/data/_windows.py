@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
 
 from ._errors import DataError
-from ._split import pieces_of
-from ._trajectory import Trajectory
+from ._trajectory import Trajectory, pieces_of
 from .signals import measure_noise
 
 WindowTimes: TypeAlias = Float64[np.ndarray, "B points"]  # h + 1 points

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from symoden.data._dataset import Dataset
 from symoden.data._findings import Finding
-from symoden.data._split import pieces_of
+from symoden.data._trajectory import pieces_of
 from symoden.wording import first_few
 
 _ENDS: Final = 2  # First and last rows of a file, in which inputs are switched on and off.
