@@ -91,7 +91,7 @@ def test_the_covariance_is_the_sandwich_but_no_less_than_of_independent_residual
     bread = np.linalg.inv(squares / (inflation * variance) + np.diag(priors))
 
     def both(scores):
-        factor, effective = _sandwich(squares, scores, variance=variance, inflation=inflation, prior=priors)
+        factor, effective, _ = _sandwich(squares, scores, variance=variance, inflation=inflation, prior=priors)
         assert effective == pytest.approx(np.trace(bread @ squares) / (inflation * variance), rel=1e-9)
         filling = 5 / 4 * scores.T @ scores / (inflation * variance**2) + np.diag(priors)
         return factor @ factor.T, bread @ filling @ bread
@@ -116,11 +116,16 @@ def coverage(draw, *, recording=None, draws=200):
         left = y - J @ found
         scores, prior = np.einsum("wrp,wr->wp", J, left), np.full(len(found), 1e-6)
         variance = float(np.mean(left**2))
-        factor, effective = _sandwich(
+        factor, effective, independent = _sandwich(
             squares, scores, variance=variance, inflation=1.0, prior=prior, recording=recording
         )
         posterior = Laplace(
-            restore=lambda theta: theta, theta=found, windows=len(J), factor=factor, effective=effective
+            restore=lambda theta: theta,
+            theta=found,
+            windows=len(J),
+            factor=factor,
+            effective=effective,
+            independent=independent,
         )
         covered.append(np.abs(found) <= posterior.quantile(0.9) * np.linalg.norm(factor, axis=1))
     return np.mean(covered, axis=0)
@@ -157,6 +162,17 @@ def test_bands_are_as_wide_as_recordings_disagree(alike, each):
 
     covered = coverage(draw, recording=np.repeat(np.arange(8), each), draws=100).mean()
     assert 0.82 < covered < 0.97  # 0.28 of twenty windows if they were taken to be independent.
+
+
+@pytest.mark.parametrize("logs", [3, 4, 6])
+def test_few_logs_that_disagree_are_no_surer_than_they_make_it(logs):
+    def draw(generator):
+        J, own = generator.normal(size=(30 * logs, 20, 1)), generator.normal(size=(logs, 1))
+        together = np.einsum("wrp,wp->wr", J, np.repeat(own, 30, axis=0))
+        return J, together + generator.normal(size=(30 * logs, 20))
+
+    covered = coverage(draw, recording=np.repeat(np.arange(logs), 30), draws=400).mean()
+    assert covered == pytest.approx(0.89, abs=0.035)  # 0.76 of three with as many degrees of freedom as windows.
 
 
 @pytest.mark.parametrize(("times", "wider"), [(0.5, 1.0), (3.0, 3.0)])
@@ -277,7 +293,9 @@ def test_friction_that_is_rounded_off_may_be_as_much_more_as_its_law(laws, v):
     model: Any = build(config, Space.parse("T1"), 1, key=jax.random.key(0))
     model = eqx.tree_at(lambda m: m.friction.laws.function.values, model, jnp.array(laws))
     restore, theta = Flattening.of(model, corrections=FRICTION, dtype=np.dtype(float))
-    posterior = Laplace(restore=restore, theta=np.asarray(theta), windows=9, factor=np.eye(len(theta)), effective=1.0)
+    posterior = Laplace(
+        restore=restore, theta=np.asarray(theta), windows=9, factor=np.eye(len(theta)), effective=1.0, independent=9
+    )
     at = lambda m: m.dissipation_matrix(jnp.zeros(1), jnp.array([v]))
     (row,) = posterior.project(lambda m: jnp.ravel(at(m)))
     (scale,), (speed,) = (np.asarray(each.value) for each in (model.friction.scale, model.friction.speed))

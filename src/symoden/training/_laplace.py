@@ -60,14 +60,16 @@ class Laplace(AbstractPosterior):
     Attributes:
         factor: F, where F Fᵀ is the covariance.
         effective: Number of parameters that the data, rather than the prior, determine.
+        independent: Number of those that tell the variance: windows, or logs where these disagree.
     """
 
     factor: Float[np.ndarray, "P P"]
     effective: float
+    independent: int
 
     def quantile(self, level: float) -> float:
-        """Student's, with a degree of freedom less than there are windows, which tell the variance."""
-        return float(scipy.stats.t.ppf((1 + level) / 2, self.windows - 1))
+        """Student's, with a degree of freedom less than there are that tell the variance."""
+        return float(scipy.stats.t.ppf((1 + level) / 2, self.independent - 1))
 
     def project(self, quantities: Quantities) -> Float[np.ndarray, "K P"]:
         """G F, where G is the Jacobian of the quantities, for which friction's laws are not rounded off at zero."""
@@ -100,7 +102,8 @@ def infer_posterior(
     of the mean squared residuals on the training and on the validation data, and the r_w are scaled up to it: a model
     that follows its training data more closely than others is not more certain. What one window alone tells it is
     fitted to, and its score is zero: along no combination of parameters is the covariance less than H⁻¹. Where three
-    recordings or more disagree by more than independent windows would, all is wider by that design effect.
+    logs or more disagree by more than independent windows would, all is wider by that design effect, and by how little
+    so few tell of it.
 
     Residuals are weighed by what is new in each, as a likelihood of errors that follow each other has it, also where
     training kept all alike since validation lost by that.
@@ -159,7 +162,7 @@ def infer_posterior(
             "Bands need rollouts along the training recordings that stay finite; this model's do not. Were these the "
             "data, and their units, that it was trained on? Else train longer."
         )
-    factor, effective = _sandwich(
+    factor, effective, independent = _sandwich(
         equations.matrix * equations.residuals.size,
         equations.scores,
         variance=equations.loss,
@@ -173,6 +176,7 @@ def infer_posterior(
         windows=windows,
         factor=factor,
         effective=effective,
+        independent=independent,
     )
 
 
@@ -187,7 +191,8 @@ def save_laplace(path: Path, posterior: Laplace, *, origin: str) -> None:
     Raises:
         StorageError: If it cannot be written.
     """
-    facts = {"origin": origin, "windows": posterior.windows, "effective": posterior.effective}
+    names = ("windows", "effective", "independent")
+    facts = {"origin": origin} | {name: getattr(posterior, name) for name in names}
     save_arrays(path, {"theta": posterior.theta, "factor": posterior.factor}, facts)
 
 
@@ -219,6 +224,7 @@ def load_laplace(path: Path, model: AbstractDynamics, *, origin: str) -> Laplace
         windows=int(facts["windows"]),
         factor=arrays["factor"],
         effective=float(facts["effective"]),
+        independent=int(facts["independent"]),
     )
 
 
@@ -278,8 +284,8 @@ def _sandwich(
     inflation: float,
     prior: Float[np.ndarray, " P"],
     recording: Int[np.ndarray, " W"] | None = None,
-) -> tuple[Float[np.ndarray, "P P"], float]:
-    """A factor of the covariance, and the number of effective parameters.
+) -> tuple[Float[np.ndarray, "P P"], float, int]:
+    """A factor of the covariance, the number of effective parameters, and of what tells the covariance.
 
     In units in which every prior is as wide, and in the eigenbasis of JᵀJ, the inverse is one of numbers, so that what
     is known best and worst lose no digits to each other.
@@ -288,21 +294,24 @@ def _sandwich(
     no combination of parameters is the covariance less than that of independent residuals.
 
     Returns:
-        Both.
+        These three.
     """
     least = float(prior.min())
     unit = np.sqrt(least / prior)
     eigenvalues, basis = scipy.linalg.eigh(np.outer(unit, unit) * squares)
     eigenvalues, scores = np.maximum(eigenvalues, 0.0), (scores * unit) @ basis
+    independent = len(scores)
     if recording is not None:
-        inflation *= _likeness(scores / np.sqrt(eigenvalues + least * inflation * variance), recording)
+        alike = _likeness(scores / np.sqrt(eigenvalues + least * inflation * variance), recording)
+        inflation *= alike
+        independent = len(scores) if alike == 1 else len(np.unique(recording))
     known = eigenvalues / (inflation * variance)
     deviation = 1 / np.sqrt(known + least)  # Of independent residuals.
     pulls = scores * deviation / (math.sqrt(inflation) * variance)
     filling = pulls.T @ pulls * _few(len(pulls)) + np.diag(least * deviation**2)
     ratios, vectors = scipy.linalg.eigh(filling)
     half = deviation[:, None] * vectors * np.sqrt(np.maximum(ratios, 1.0))
-    return unit[:, None] * (basis @ half), float(np.sum(known / (known + least)))
+    return unit[:, None] * (basis @ half), float(np.sum(known / (known + least))), independent
 
 
 def _likeness(pulls: Float[np.ndarray, "W P"], recording: Int[np.ndarray, " W"]) -> float:
