@@ -87,6 +87,8 @@ def test_evaluate_says_how_many_positions_its_bands_cover(arm_run, capsys):
     assert (bands["level"], bands["split"]) == (0.9, "test")
     assert 0 <= bands["coverage"] <= 1
     assert bands["half_width"] > 0
+    assert bands["half_widths"] == [bands["half_width"]]
+    assert bands["coverages"] == pytest.approx([bands["coverage"]])
     assert main(["evaluate", str(arm_run), "--bands"]) == 0
     assert f"cover {bands['coverage']:.1%} of the positions of the test recordings" in capsys.readouterr().out
 

@@ -1,5 +1,6 @@
 """What is said of bands, where no command's own test sees it."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -95,9 +96,14 @@ def test_bands_that_miss_many_positions_are_called_too_narrow(coverage, narrow):
         horizon_s=0.97,
         coverage=coverage,
         half_width=0.1,
+        coverages=(coverage,) * 2,
+        half_widths=(0.002, 0.3),
         from_parameters=0.2,
     )
     words = band_words(score)
+    assert f"recordings (one by one {coverage:.0%}, {coverage:.0%}); median half width 0.002, 0.3," in words
+    alone = band_words(dataclasses.replace(score, coverages=(coverage,), half_widths=(0.1,)))
+    assert "recordings; median half width 0.1," in alone
     assert words.startswith("90% bands over windows of 0.97 s cover")
     assert f"cover {coverage:.1%} of the positions of the test recordings" in words
     assert ("the bands are too narrow here" in words) == narrow

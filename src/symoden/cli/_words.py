@@ -173,10 +173,12 @@ def band_words(score: BandScore) -> str:
         The sentence.
     """
     narrow = score.coverage < score.level - _MISSED
+    each = f" (one by one {', '.join(f'{part:.0%}' for part in score.coverages)})" if len(score.coverages) > 1 else ""
+    widths = ", ".join(map(number, score.half_widths))
     calibrated = "training" if score.calibrated_on == "train" else score.calibrated_on
     return (
         f"{score.level:.0%} bands over windows of {score.horizon_s:.3g} s cover {score.coverage:.1%} of the "
-        f"positions of the {score.split} recordings; median half width {number(score.half_width)}, "
+        f"positions of the {score.split} recordings{each}; median half width {widths}, "
         f"{score.from_parameters:.0%} of the variance from uncertain parameters; width set by the {calibrated} "
         "recordings"
         + (

@@ -44,6 +44,8 @@ class BandScore:
             shorter, or more where samples are rare (`horizon_of`).
         coverage: Share of its positions that lie in their bands.
         half_width: Median half width, in the data's units.
+        coverages: Of each coordinate by itself the share of `coverage`,
+        half_widths: and the median half width; lengths and angles have no common unit.
         from_parameters: Median share of the band, squared, that comes from uncertain parameters; the rest is noise and
             what the model leaves out.
     """
@@ -54,6 +56,8 @@ class BandScore:
     horizon_s: float
     coverage: float
     half_width: float
+    coverages: tuple[float, ...]
+    half_widths: tuple[float, ...]
     from_parameters: float
 
 
@@ -266,14 +270,16 @@ def score_bands(bands: Bands, recordings: Sequence[Trajectory], *, split: str = 
     (error, half, share), lost = bands.along(recordings)
     if not error.size:
         raise ValueError(f"Bands need rollouts that stay finite; all of those along the {split} recordings diverge.")
-    horizon = bands.horizon
+    horizon, finite = bands.horizon, len(error) / (len(error) + lost)  # No band holds what diverges.
     return BandScore(
         level=LEVEL,
         calibrated_on=bands.calibrated_on,
         split=split,
         horizon_s=float(np.median([min(horizon, each.duration) for each in _windows_of(recordings, horizon)])),
-        coverage=float(np.mean(error <= half)) * len(error) / (len(error) + lost),  # No band holds what diverges.
+        coverage=float(np.mean(error <= half)) * finite,
         half_width=float(np.median(half)),
+        coverages=tuple((np.mean(error <= half, axis=0) * finite).tolist()),
+        half_widths=tuple(np.median(half, axis=0).tolist()),
         from_parameters=float(np.median(share)),
     )
 
