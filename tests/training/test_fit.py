@@ -137,6 +137,14 @@ def test_adam_alone_leaves_integration_as_fine_as_it_was(pendulum, small, quick)
     assert dataclasses.replace(result, substeps=16).solver.substeps == 16
 
 
+@pytest.mark.parametrize(("keep_best", "strides"), [(True, [60]), (False, [20, 40, 60])])
+def test_adam_is_heard_of_often_where_no_stride_chooses(keep_best, strides, pendulum, small):
+    """The paper's networks take half a second a step."""
+    heard, config = [], TrainingConfig(adam_steps=60, restarts=1, lm_steps=0, growth_steps=0, keep_best=keep_best)
+    fit(pendulum(), model=small, config=config, progress=heard.append)
+    assert [each.step for each in heard if each.stage.startswith("adam")] == strides
+
+
 def test_a_fit_that_predicts_nothing_is_a_training_error(pendulum, small, quick, monkeypatch):
     monkeypatch.setattr(_fit, "_NOTHING", 1e-9)
     with pytest.raises(TrainingError, match="not far larger than the motion"):

@@ -22,6 +22,7 @@ from ._stages import AbstractStage, Clock, never
 from ._state import Incumbent, Report, TrainingState
 from ._verdicts import FOUND
 
+_FEW_STEPS: Final = 20  # Where nothing is chosen, as by the paper, whose networks take half a second a step.
 DIVERGED: Final = "diverged; the best model before was kept"
 
 
@@ -65,7 +66,7 @@ class AdamStage(AbstractStage):
         return state._replace(step=0, model=model, best=best, best_loss=loss, incumbent=incumbent, memory=memory)
 
     def advance(self, state: TrainingState, is_over: Clock = never) -> tuple[TrainingState, Report]:
-        """Take up to some hundred steps in one compiled call."""
+        """Take some steps in one compiled call, hundreds where the best of these calls is kept."""
         del is_over
         known = self.yields and self.config.scaled_loss and state.best_loss < FOUND
         if known and state.step == 0:
@@ -74,7 +75,7 @@ class AdamStage(AbstractStage):
         restore, theta = Flattening.of(state.model, corrections=self._kinds, dtype=self.data.train.q.dtype)
         lean = without_silent(state.model)
         free, fixed = eqx.partition(lean, trainable(lean, corrections=self._kinds))
-        steps = min(MOST_STEPS, self.steps - state.step)
+        steps = min(MOST_STEPS if self.config.keep_best else _FEW_STEPS, self.steps - state.step)
         before = AdamState(free, state.memory, jnp.asarray(state.step))
         after, losses = adam_steps(
             before, fixed, self.data.objective, self._sampler, self._optimizer, jnp.asarray(steps)
