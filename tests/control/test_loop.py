@@ -63,6 +63,16 @@ def test_a_filter_on_a_true_model_takes_noise_away():
     assert filtered < 0.5 * raw
 
 
+def test_each_channel_is_trusted_as_its_noise_allows():
+    observer = Observer(CART_POLE, np.array([1e-6, 1.0, 1e-6, 1.0]), drift=(1e-2,) * 4)
+    q, v, u = jnp.array([0.1, 3.0]), jnp.array([0.2, -1.0]), jnp.array([1.0])
+    guess = observer.predict(observer.start(q, v), u, 0.02)
+    guess = guess._replace(covariance=jnp.diag(jnp.diag(guess.covariance)).at[1, 1].set(1e-4).at[3, 3].set(1e-4))
+    after = observer.correct(guess, guess.q + 0.01, guess.v + 0.01)
+    moved = np.concatenate([after.q - guess.q, after.v - guess.v])
+    np.testing.assert_allclose(moved, [0.01, 0, 0.01, 0], atol=1e-5)
+
+
 def test_a_filter_looks_ahead_over_the_delay():
     regulator = Regulator.of(CART_POLE, [0.0, 0.0], limits=15.0, period=0.02)
     loop = Loop(duration=6.0, period=0.02, delay=0.13)
@@ -95,8 +105,11 @@ def test_settings_out_of_range_are_refused():
     for period in (1e-9, 1e-320):
         with pytest.raises(ValueError, match="at most 10000000 control periods"):
             Loop(duration=1.0, period=period)
-    with pytest.raises(ValueError, match="`noise` and `drift` must be positive"):
-        Observer(PENDULUM, 0.0)
+    for noise in (0.0, (1e-3, 1e-3, 1e-3), (1e-3, -1.0), float("nan")):
+        with pytest.raises(ValueError, match=r"`noise` must be positive, one number or one for each of the 2 channels"):
+            Observer(PENDULUM, noise)
+    with pytest.raises(ValueError, match="`drift` must be positive"):
+        Observer(PENDULUM, 1e-3, drift=0.0)
 
 
 def test_an_episode_is_judged_by_its_end_and_settles_when_it_stays():

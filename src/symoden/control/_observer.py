@@ -1,10 +1,12 @@
 """Estimate the state from noisy measurements: the learned model predicts, the measurement corrects."""
 
+from collections.abc import Sequence
 from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from symoden.mechanics import AbstractDynamics
@@ -27,6 +29,12 @@ class Estimate(NamedTuple):
     covariance: Float[Array, "s s"]
 
 
+def _hashable(given: float | Sequence[float] | np.ndarray) -> float | tuple[float, ...]:
+    """One number, or a tuple of one per channel."""
+    numbers = np.asarray(given, float)
+    return numbers.item() if numbers.ndim == 0 else tuple(numbers.ravel().tolist())
+
+
 @final
 class Observer(eqx.Module):
     """Extended Kalman filter on measurements of all coordinates and velocities.
@@ -35,26 +43,31 @@ class Observer(eqx.Module):
 
     Attributes:
         model: What predicts.
-        noise: Standard deviation of the noise on every channel.
-        drift: Growth of the prediction's standard deviation on every channel, in its unit per √s: how far the model
-            is trusted. The default suits a model of simulated data, whose errors are small.
+        noise: Standard deviation of the noise on every channel, or on each, coordinates before velocities.
+        drift: Growth of the prediction's standard deviation on every channel, or on each, in its unit per √s: how far
+            the model is trusted. The default suits a model of simulated data, whose errors are small.
 
     References:
         Anderson & Moore (1979), *Optimal Filtering*, section 8.2.
     """
 
     model: AbstractDynamics
-    noise: float = eqx.field(static=True)
-    drift: float = eqx.field(static=True, default=2e-3)
+    noise: float | tuple[float, ...] = eqx.field(static=True, converter=_hashable)
+    drift: float | tuple[float, ...] = eqx.field(static=True, default=2e-3, converter=_hashable)
 
     def __check_init__(self) -> None:
         """Refuse a filter that cannot weigh.
 
         Raises:
-            ValueError: If the noise or the drift is not positive.
+            ValueError: If the noise or the drift is not positive, or is not one number or one per channel.
         """
-        if not (self.noise > 0 and self.drift > 0):
-            raise ValueError(f"`noise` and `drift` must be positive; got {self.noise} and {self.drift}.")
+        channels = 2 * self.model.space.size
+        for name, each in (("noise", np.asarray(self.noise)), ("drift", np.asarray(self.drift))):
+            if each.shape not in {(), (channels,)} or not np.all(each > 0):
+                raise ValueError(
+                    f"`{name}` must be positive, one number or one for each of the {channels} channels, coordinates "
+                    f"before velocities; got {getattr(self, name)}."
+                )
 
     def start(self, q: Coordinates, v: Velocities) -> Estimate:
         """Believe a first measurement.
@@ -66,7 +79,7 @@ class Observer(eqx.Module):
         Returns:
             The estimate.
         """
-        return Estimate(q, v, self.noise**2 * jnp.eye(2 * q.size, dtype=q.dtype))
+        return Estimate(q, v, self._variance(self.noise, q.dtype))
 
     def correct(self, guess: Estimate, q: Coordinates, v: Velocities) -> Estimate:
         """Move a prediction towards a measurement, angles the short way round.
@@ -81,7 +94,7 @@ class Observer(eqx.Module):
         """
         P = guess.covariance
         one = jnp.eye(len(P), dtype=P.dtype)
-        gain = jnp.linalg.solve(P + self.noise**2 * one, P).T
+        gain = jnp.linalg.solve(P + self._variance(self.noise, P.dtype), P).T
         surprise = jnp.concatenate([self.model.space.difference(q, guess.q), v - guess.v])
         by_q, by_v = jnp.split(gain @ surprise, 2)
         after = (one - gain) @ P
@@ -107,7 +120,7 @@ class Observer(eqx.Module):
             return after, after
 
         A, after = jax.jacfwd(move, has_aux=True)(jnp.concatenate(guess[:2]))
-        grown = A @ guess.covariance @ A.T + self.drift**2 * seconds * jnp.eye(len(A), dtype=A.dtype)
+        grown = A @ guess.covariance @ A.T + seconds * self._variance(self.drift, A.dtype)
         q, v = jnp.split(after, 2)
         return Estimate(q, v, grown)
 
@@ -129,3 +142,8 @@ class Observer(eqx.Module):
             return guess.q, guess.v
         x = moved(self.model, guess.q, guess.v, us[0], first or period)
         return jax.lax.scan(lambda x, u: (moved(self.model, *x, u, period), None), x, us[1:])[0]
+
+    def _variance(self, deviation: float | tuple[float, ...], dtype: np.dtype) -> Float[Array, "s s"]:
+        """Diagonal covariance of independent channels."""
+        each = jnp.broadcast_to(jnp.asarray(deviation, dtype), 2 * self.model.space.size)
+        return jnp.diag(each**2)
