@@ -25,6 +25,7 @@ from ._split import (
 from ._trainable import check_trainable as check_trainable, states as states
 from ._trajectory import Trajectory as Trajectory, median_step as median_step
 from ._windows import (
+    FEWEST_LOGS as FEWEST_LOGS,
     Windows as Windows,
     least_motion as least_motion,
     spaced_evenly as spaced_evenly,
@@ -46,11 +47,13 @@ from .signals import (
     rate_errors_at_ends as rate_errors_at_ends,
     resample as resample,
     time_scales as time_scales,
+    usual_step as usual_step,
     velocity_noise_gain as velocity_noise_gain,
 )
 
 __all__ = [
     "ADAM_WINDOWS",
+    "FEWEST_LOGS",
     "LEVENBERG_WINDOWS",
     "VALIDATION_SHARE",
     "ChannelFacts",
@@ -85,6 +88,7 @@ __all__ = [
     "split_validation",
     "states",
     "time_scales",
+    "usual_step",
     "usual_steps",
     "validates_by_ends",
     "velocity_noise_gain",

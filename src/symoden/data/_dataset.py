@@ -13,7 +13,7 @@ from symoden.known import KnownParts
 from symoden.units import position_units
 
 from ._errors import DataError
-from ._trajectory import Trajectory, finite_numbers
+from ._trajectory import Trajectory, finite_numbers, log_numbers
 
 _PARTS: Final = ("train", "test", "validation")
 
@@ -153,16 +153,15 @@ class Dataset:
 
 def _beside_numbers(recordings: Sequence[Trajectory]) -> list[tuple[int, str, int, float, list[float]]]:
     """What else training goes by: log and piece, initial samples, and how rates were estimated."""
-    logs: dict[str, int] = {}
     return [
         (
-            logs.setdefault(each.name.partition("#")[0], len(logs)),
+            number,
             each.name.partition("#")[2],
             each.initial_samples,
             each.one_sided,
             [] if each.noise_gain is None else np.ravel(each.noise_gain).tolist(),
         )
-        for each in recordings
+        for number, each in zip(log_numbers(recordings).tolist(), recordings, strict=True)
     ]
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Int
 
 from ._errors import DataError
 from ._shapes import Times
@@ -155,6 +156,21 @@ def pieces_of(trajectories: Sequence[Trajectory]) -> dict[str, list[int]]:
     for k, trajectory in enumerate(trajectories):
         whole.setdefault(trajectory.name.split("#")[0], []).append(k)
     return whole
+
+
+def log_numbers(trajectories: Sequence[Trajectory]) -> Int[np.ndarray, " R"]:
+    """Number the logs that recordings are pieces of, in their order.
+
+    Args:
+        trajectories: Recordings.
+
+    Returns:
+        The number of each one's log.
+    """
+    numbers = np.zeros(len(trajectories), int)
+    for number, pieces in enumerate(pieces_of(trajectories).values()):
+        numbers[pieces] = number
+    return numbers
 
 
 def refuse_times_out_of_order(ts: Times, where: str, *, place: Callable[[int], str] = "row {}".format) -> None:

@@ -8,16 +8,18 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int
 
 from ._errors import DataError
-from ._trajectory import Trajectory, pieces_of
+from ._trajectory import Trajectory, log_numbers
 from .signals import measure_noise
 
 WindowTimes: TypeAlias = Float64[np.ndarray, "B points"]  # h + 1 points
 WindowCoordinates: TypeAlias = Float64[np.ndarray, "B points n"]
 WindowInputs: TypeAlias = Float64[np.ndarray, "B points m"]
 
+FEWEST_LOGS: Final = 3
+"""Fewest logs that tell how much they differ."""
+
 _NOISE: Final = 8.0  # Standard deviations: samples of a rest hardly ever span more, of 20 as of 500.
 _STILL: Final = 0.01  # Of a coordinate's range, which in noise is no rest.
-_FEWEST_LOGS: Final = 3
 _RESTS: Final = 10  # Windows, of which one at rest tells enough.
 
 
@@ -99,12 +101,8 @@ def windows(trajectories: Sequence[Trajectory], horizon: int, *, stride: int = 1
 
 def _numbered(trajectories: Sequence[Trajectory]) -> Int[np.ndarray, " R"]:
     """Which log each recording is of, if these are as many as tell how much they differ; else its own number."""
-    logs, numbers = pieces_of(trajectories), np.arange(len(trajectories))
-    if len(logs) < _FEWEST_LOGS:
-        return numbers
-    for number, pieces in enumerate(logs.values()):
-        numbers[pieces] = number
-    return numbers
+    numbers = log_numbers(trajectories)
+    return numbers if numbers.max() + 1 >= FEWEST_LOGS else np.arange(len(trajectories))
 
 
 def least_motion(trajectories: Sequence[Trajectory]) -> Float[np.ndarray, " n"]:

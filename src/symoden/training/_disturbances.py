@@ -12,7 +12,16 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from symoden.blocks import kinds_in_use
-from symoden.data import DataError, Dataset, Trajectory, least_motion, whole_name, windows, without_poor_ends
+from symoden.data import (
+    DataError,
+    Dataset,
+    Trajectory,
+    least_motion,
+    usual_step,
+    whole_name,
+    windows,
+    without_poor_ends,
+)
 from symoden.integrate import HOLDS, Hold
 from symoden.mechanics import AbstractDynamics
 from symoden.spaces import Space
@@ -37,7 +46,7 @@ _ENOUGH: Final = 20  # Windows that tell what is usual.
 _SELDOM: Final = 0.05  # Share of the windows: more, and it is the model that explains too little.
 _OFTEN: Final = 0.25  # Share of those of one recording that no model was fitted to: it is another machine, or load.
 _ALIKE: Final = 2.5  # Times longer or shorter, what is usual in windows is so in others: twice the rate is common.
-_HOLE: Final = 2.5  # Times the steps that 95 % keep to: what inputs were where rows are lost was not logged.
+_HOLE: Final = 2.5  # Times the usual step: what inputs were where rows are lost was not logged.
 _STRIDES: Final = 4  # Of a window, from one to the next.
 _EVENT: Final = _STRIDES + 1  # Windows that a short one is in.
 _TRIMMED: Final = 0.1  # Share of the windows that a fit goes without which they must not bend.
@@ -362,7 +371,7 @@ def _bound(residuals: Float[np.ndarray, "B n"], data: Data, least: Float[np.ndar
 def _have_holes(recording: Trajectory, starts: np.ndarray, horizon: int) -> Bool[np.ndarray, " B"]:
     """Which windows of a recording lack rows, fewer than make a gap."""
     steps = np.diff(recording.ts)
-    before = np.concatenate([[0], np.cumsum(steps > _HOLE * np.quantile(steps, 0.95))])
+    before = np.concatenate([[0], np.cumsum(steps > _HOLE * usual_step(steps))])
     return before[starts + horizon] > before[starts]
 
 

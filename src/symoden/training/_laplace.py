@@ -15,7 +15,7 @@ import scipy.stats
 from jaxtyping import Array, Float, Int
 
 from symoden.blocks import DIRECTIONS, FRICTION, JointFriction, count_parameters, kinds_in_use
-from symoden.data import Dataset
+from symoden.data import FEWEST_LOGS, Dataset
 from symoden.integrate import RK4
 from symoden.mechanics import AbstractDynamics
 from symoden.models import StructuredModel
@@ -35,7 +35,6 @@ from ._weighing import Weighing
 
 _SUBSTEPS = 4
 _UNEVEN: Final = 0.1  # Of friction: what it may differ by between the directions, where no difference was kept.
-_FEWEST_RECORDINGS: Final = 3  # That tell how much they differ.
 _DEVIATIONS = 48  # A standard deviation from so many is 10 % right.
 
 
@@ -324,7 +323,7 @@ def _likeness(pulls: Float[np.ndarray, "W P"], recording: Int[np.ndarray, " W"])
         The design effect, at least 1; also where there are too few recordings.
     """
     together = np.array([pulls[recording == number].sum(axis=0) for number in np.unique(recording)])
-    if len(together) < _FEWEST_RECORDINGS:
+    if len(together) < FEWEST_LOGS:
         return 1.0
     of_recordings, of_windows = (float(np.sum(each**2)) * _few(len(each)) for each in (together, pulls))
     return max(1.0, of_recordings / max(of_windows, np.finfo(float).tiny))
