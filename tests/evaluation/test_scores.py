@@ -10,11 +10,15 @@ import pytest
 
 from symoden.data import Dataset, Trajectory
 from symoden.evaluation import _predict, _scores, predict, score_recordings
+from symoden.evaluation._bands import calibrate_bands
+from symoden.evaluation._batches import Stretch
 from symoden.evaluation._windows import horizon_of, short_windows
 from symoden.integrate import RK4, rollout
+from symoden.known import KnownParts
 from symoden.models import BlockConfig, ModelConfig, build
 from symoden.spaces import Space
 from symoden.systems import CartPole, Pendulum
+from symoden.training import TrainingConfig, infer_posterior
 
 TRUTH = Pendulum(damping=0.2)
 PLAIN = BlockConfig(constant=True)
@@ -54,6 +58,22 @@ def test_far_from_zero_motion_has_its_digits_whatever_the_user_s_precision(initi
     with jax.enable_x64(False):
         paths = predict(TRUTH, [near, far])
     np.testing.assert_allclose(paths[1].q - 2e5 * np.pi, paths[0].q, atol=1e-8)
+
+
+def test_bands_begin_where_predictions_do():
+    spring = {"mass_matrix": [[1]], "input_matrix": [[0]], "dissipation_matrix": [[0]]}
+    known = KnownParts(**spring, potential_energy="k * q1**2", parameters={"k": 4.5})
+    model = build(ModelConfig(), Space.parse("R1"), 1, known=known, key=jax.random.key(0))
+    train = tuple(recorded(0.05 * np.arange(k)) for k in (61, 71))
+    data = Dataset(name="d", space="R1", train=train, known=known)
+    posterior = infer_posterior(model, data, TrainingConfig(lm_steps=1, growth_steps=0, relevance_steps=0))
+    bands = calibrate_bands(posterior, data, solver=RK4(4))
+    several, noise = recorded(0.05 * np.arange(121), initial_samples=20), np.random.default_rng(0).normal(size=(121, 2))
+    several = dataclasses.replace(several, q=several.q + 0.05 * noise[:, :1], rates=several.rates + 0.1 * noise[:, 1:])
+    (path,), (banded,) = predict(model, [several], solver=RK4(4)), bands.predict([several])
+    np.testing.assert_allclose(banded.q, path.q, atol=1e-9)
+    assert abs(path.q[0] - several.q[0]).item() > 1e-3
+    assert bands.predict([Stretch.whole(several)])[0].q[0] == several.q[0]  # Of stretches it is the measured one.
 
 
 def test_steps_of_less_than_a_microsecond_are_steps():

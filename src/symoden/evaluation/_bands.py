@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from symoden.data import Dataset, Trajectory, spaced_evenly
+from symoden.data import Dataset, Trajectory, first_samples, spaced_evenly
 from symoden.integrate import HOLDS, AbstractSolver, Hold
 from symoden.mechanics import AbstractDynamics
 from symoden.training import AbstractPosterior, AbstractScatter, FitResult, hold_out
@@ -19,7 +19,7 @@ from symoden.wording import number
 
 from ._batches import Segment, Stretch, double, in_batches, roll_out
 from ._certainty import LEVEL
-from ._predict import begun_by, listed, paths
+from ._predict import from_first_states, listed, paths, with_first_state
 from ._windows import HORIZON, OVERLAP, horizon_of, short_windows
 
 _BINS = 20
@@ -127,16 +127,12 @@ class Bands:
             TypeError: If something else is given.
         """
         every = listed(trajectories, kinds=Trajectory | Stretch)
-        whole = {i: each for i, each in enumerate(every) if isinstance(each, Trajectory)}
-        begun = {i: begun_by(self.posterior.model, each, self.hold, self.solver) for i, each in whole.items()}
-        found = self._banded([Stretch.whole(begun[i]) if i in begun else each for i, each in enumerate(every)])
-        astray = [i for i in begun if begun[i] is not whole[i] and not np.isfinite(found[i].q).all()]
-        for i, path in zip(astray, self._banded([Stretch.whole(whole[i]) for i in astray]), strict=True):
-            found[i] = path
-        return found
-
-    def _banded(self, stretches: Sequence[Stretch]) -> list[BandedPath]:
-        """Roll out stretches, each from its first sample."""
+        told = {i: each for i, each in enumerate(every) if isinstance(each, Trajectory) and first_samples(each) > 1}
+        model, recordings = self.posterior.model, list(told.values())
+        begun = from_first_states(model, recordings, hold=self.hold, solver=self.solver)
+        for (i, recording), path in zip(told.items(), begun, strict=True):
+            every[i] = with_first_state(recording, path.q[0], path.rates[0])
+        stretches = [Stretch.whole(each) if isinstance(each, Trajectory) else each for each in every]
         found: dict[int, BandedPath] = {}
         quantile = self.posterior.quantile(LEVEL)
         for i, path in _paths(self.posterior, stretches, self.hold, self.solver):

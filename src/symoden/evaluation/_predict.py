@@ -76,15 +76,33 @@ def predict(
         raise ValueError(f"`hold` must be {' or '.join(map(repr, HOLDS))}; got {hold!r}.")
     refuse_no_system(model)
     recordings = listed(trajectories)
-    chosen, solver = HOLDS[hold], RK4(FEWEST_SUBSTEPS) if solver is None else solver
-    begun = [begun_by(model, recording, chosen, solver) for recording in recordings]
-    found = dict(paths(model, entire(begun), hold=chosen, solver=solver))
+    return from_first_states(
+        model, recordings, hold=HOLDS[hold], solver=RK4(FEWEST_SUBSTEPS) if solver is None else solver
+    )
+
+
+def from_first_states(
+    model: AbstractDynamics, recordings: Sequence[Trajectory], *, hold: Hold, solver: AbstractSolver
+) -> list[Prediction]:
+    """Roll out recordings from their first states, as `predict` does.
+
+    Args:
+        model: Learned model or analytic system.
+        recordings: Recordings of any lengths.
+        hold: How inputs act between samples.
+        solver: What advances rollouts.
+
+    Returns:
+        One prediction for each recording.
+    """
+    begun = [_begun(model, recording, hold, solver) for recording in recordings]
+    found = dict(paths(model, entire(begun), hold=hold, solver=solver))
     astray = [
         i
         for i, recording in enumerate(recordings)
         if begun[i] is not recording and not np.isfinite(found[i].observations).all()
     ]
-    for k, path in paths(model, entire([recordings[i] for i in astray]), hold=chosen, solver=solver):
+    for k, path in paths(model, entire([recordings[i] for i in astray]), hold=hold, solver=solver):
         found[astray[k]] = path
     return [found[i] for i in range(len(recordings))]
 
@@ -114,26 +132,29 @@ def listed(trajectories: object, *, kinds: type | UnionType = Trajectory) -> lis
     raise TypeError(f"`trajectories` must be a list of recordings; got {named}. {hint}")
 
 
-def begun_by(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
-    """Let a recording begin in the state that its initial samples tell.
+def with_first_state(recording: Trajectory, q: Float[np.ndarray, " n"], rates: Float[np.ndarray, " n"]) -> Trajectory:
+    """Let a recording begin in another state than the measured one.
 
     Args:
-        model: Model that tells.
         recording: The recording.
-        hold: How inputs act between samples.
-        solver: What advances rollouts.
+        q: Coordinates of its first sample.
+        rates: Velocities or momenta there.
 
     Returns:
-        Such a recording; the same one where a single sample tells.
+        Such a recording.
     """
+    columns = ((q, recording.q), (rates, recording.rates))
+    q, rates = (np.concatenate([first[None], measured[1:]]) for first, measured in columns)
+    return dataclasses.replace(recording, q=q, rates=rates)
+
+
+def _begun(model: AbstractDynamics, recording: Trajectory, hold: Hold, solver: AbstractSolver) -> Trajectory:
+    """A recording that begins in the state that its initial samples tell; the same one where it has one such sample."""
     if first_samples(recording) == 1:
         return recording
     with double():
         first = map(np.asarray, find_first_state(in_double(model), recording, hold=hold, solver=solver))
-    q, rates = (
-        np.concatenate([x[None], rest[1:]]) for x, rest in zip(first, (recording.q, recording.rates), strict=True)
-    )
-    return dataclasses.replace(recording, q=q, rates=rates)
+    return with_first_state(recording, *first)
 
 
 def paths(

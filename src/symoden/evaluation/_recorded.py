@@ -1,6 +1,5 @@
 """Recordings, and what a model makes of them."""
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +12,7 @@ from symoden.mechanics import AbstractDynamics
 
 from ._bands import BandedPath, Bands, judged_windows
 from ._batches import Stretch
-from ._predict import Prediction, predict
+from ._predict import Prediction, predict, with_first_state
 from ._windows import OVERLAP, instant_of
 
 
@@ -127,12 +126,9 @@ def _banded_windows(bands: Bands, recordings: Sequence[Trajectory]) -> list[list
 
 def _beginning(recording: Trajectory, prediction: Prediction, horizon: float) -> Stretch:
     """The first window of a rollout, from the state that it starts in: it may be another than the measured one."""
-    q, rates = (
-        np.concatenate([predicted[:1], measured[1:]])
-        for predicted, measured in ((prediction.q, recording.q), (prediction.rates, recording.rates))
-    )
+    begun = with_first_state(recording, prediction.q[0], prediction.rates[0])
     stop = int(np.searchsorted(recording.ts - recording.ts[0], horizon + instant_of(recording)))
-    return Stretch(trajectory=dataclasses.replace(recording, q=q, rates=rates), start=0, stop=max(stop, 2))
+    return Stretch(trajectory=begun, start=0, stop=max(stop, 2))
 
 
 def _along(recording: Trajectory, beginning: BandedPath, windows: Sequence[tuple[int, BandedPath]]) -> BandsAlong:
