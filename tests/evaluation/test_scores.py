@@ -61,8 +61,13 @@ def test_far_from_zero_motion_has_its_digits_whatever_the_user_s_precision(initi
 
 
 def test_bands_begin_where_predictions_do():
-    spring = {"mass_matrix": [[1]], "input_matrix": [[0]], "dissipation_matrix": [[0]]}
-    known = KnownParts(**spring, potential_energy="k * q1**2", parameters={"k": 4.5})
+    known = KnownParts(
+        mass_matrix=[[1]],
+        potential_energy="k * q1**2",
+        input_matrix=[[0]],
+        dissipation_matrix=[[0]],
+        parameters={"k": 4.5},
+    )
     model = build(ModelConfig(), Space.parse("R1"), 1, known=known, key=jax.random.key(0))
     train = tuple(recorded(0.05 * np.arange(k)) for k in (61, 71))
     data = Dataset(name="d", space="R1", train=train, known=known)
